@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+# Every target but clean sets up what it needs in .venv; see .ci/setup.
+
+# Software rendering without a screen; macOS draws by itself.
+ifeq ($(shell uname),Linux)
+export MUJOCO_GL ?= egl
+endif
+
+# Packages of another installation (ROS, for one) would shadow those in .venv.
+unexport PYTHONPATH
+
+.PHONY: setup demo test lint clean
+
+setup:
+	@.ci/setup
+
+demo: setup
+	@PATH="$(CURDIR)/.venv/bin:$$PATH" bash configs/demo.sh
+
+test: lint
+	.venv/bin/python -m pytest
+
+lint: setup
+	.venv/bin/ruff check
+	.venv/bin/ruff format --check
+	.venv/bin/mypy
+
+clean:
+	rm -rf .venv build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is demonstrated: action, objects, joint trajectory and language, from the release or from a script."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal
+
+import numpy as np
+from nico_tabletop.objects import SUITES, TabletopObject
+from nico_tabletop.tasks import ACTIONS, Action, arrangements, find_action
+from numpy.typing import NDArray
+
+from .release import Release
+
+Split = Literal["train", "test"]
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstration:
+    """One episode before it is replayed.
+
+    Attributes:
+        action: What is done, and on which slot.
+        arrangement: Names of the objects on the left, middle and right slot.
+        joints: Trajectory, float64 (T, 10), degrees, 10 rows a second, in the order of `robot.JOINT_NAMES`.
+        wordings: The accepted commands, the canonical one first.
+        translation: An English sentence and its German translation, if the source has one.
+        split: `train` or `test`.
+    """
+
+    action: Action
+    arrangement: tuple[str, str, str]
+    joints: NDArray[np.float64]
+    wordings: tuple[str, ...]
+    translation: tuple[str, str] | None
+    split: Split
+
+    @property
+    def task(self) -> str:
+        """The canonical command."""
+        return self.wordings[0]
+
+
+def wordings(action: Action, target: TabletopObject) -> tuple[str, ...]:
+    """The accepted commands in the release's order: canonical words first, the verb changes fastest."""
+    return tuple(f"{verb} {noun}" for noun in (target.name, target.synonym) for verb in action.verbs)
+
+
+def from_release(release: Release, suite: str) -> Iterator[Demonstration]:
+    """The release's demonstrations, in its order.
+
+    For `claeo` the everyday objects take the places of the cubes, colour by colour in alphabetical order; the
+    trajectories, the translations and the split stay those of the release (our decision).
+    """
+    objects = {item.name: item for item in SUITES[suite]}
+    stand_in = dict(zip((item.name for item in SUITES["clant"]), objects, strict=True))
+    for sample in release.samples:
+        action = find_action(sample.action)
+        left, middle, right = (name if suite == "clant" else stand_in[name] for name in sample.arrangement)
+        arrangement = (left, middle, right)
+        words = sample.texts if suite == "clant" else wordings(action, objects[arrangement[action.slot]])
+        translation = (sample.english, sample.german)
+        yield Demonstration(action, arrangement, sample.joints, words, translation, sample.split)
+
+
+def scripted(suite: str) -> Iterator[Demonstration]:
+    """The twelve actions in all 120 arrangements, acted by the scripted expert; no translations.
+
+    Each action has 30 test episodes, as in the release: those whose arrangement's and action's numbers add up
+    to a multiple of four (our decision).
+
+    Raises:
+        ModuleNotFoundError: If the extra `scripted` (mink) is not installed.
+    """
+    from nico_tabletop.scene import SLOT_XY
+
+    from .expert import plan
+
+    trajectory = cache(lambda action: plan(action, SLOT_XY[action.slot]))
+    objects = {item.name: item for item in SUITES[suite]}
+    for number, arrangement in enumerate(arrangements(tuple(objects))):
+        for index, action in enumerate(ACTIONS):
+            split: Split = "test" if (number + index) % 4 == 0 else "train"
+            words = wordings(action, objects[arrangement[action.slot]])
+            yield Demonstration(action, arrangement, trajectory(action), words, None, split)

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""LeRobot's environment types `clant` and `claeo`: `lerobot-eval --env.type=claeo`."""
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import gymnasium as gym
+from lerobot.configs import FeatureType, PolicyFeature
+from lerobot.envs.configs import EnvConfig
+from lerobot.envs.utils import _LazyAsyncVectorEnv
+from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
+
+from .env import TabletopEnv
+from .robot import EYES, JOINT_NAMES
+from .simulation import CONTROL_HZ
+from .tasks import ACTIONS, find_action
+
+
+@dataclass
+class TabletopEnvConfig(EnvConfig):
+    """What both suites share.
+
+    Attributes:
+        task: CLANT's action names, separated by commas, such as `PUSH-L,SLIDE-M-R`; all twelve when unset. The
+            task id of an action is its place in CLANT's order, whatever is chosen.
+        observation_height: Rows of the eyes' picture.
+        observation_width: Columns of the eyes' picture.
+    """
+
+    task: str | None = None
+    fps: int = CONTROL_HZ
+    observation_height: int = 240
+    observation_width: int = 320
+    features: dict[str, PolicyFeature] = field(default_factory=dict)
+    features_map: dict[str, str] = field(
+        default_factory=lambda: {
+            ACTION: ACTION,
+            f"pixels/{EYES}": f"{OBS_IMAGES}.{EYES}",
+            "agent_pos": OBS_STATE,
+        }
+    )
+
+    def __post_init__(self) -> None:
+        joints = (len(JOINT_NAMES),)
+        picture = (self.observation_height, self.observation_width, 3)
+        self.features = {
+            ACTION: PolicyFeature(FeatureType.ACTION, joints),
+            f"pixels/{EYES}": PolicyFeature(FeatureType.VISUAL, picture),
+            "agent_pos": PolicyFeature(FeatureType.STATE, joints),
+        }
+
+    @property
+    def gym_kwargs(self) -> dict[str, Any]:
+        """Arguments of `TabletopEnv` that are the same for all tasks."""
+        return {"suite": self.type, "height": self.observation_height, "width": self.observation_width}
+
+    def create_envs(
+        self, n_envs: int, use_async_envs: bool = False
+    ) -> dict[str, dict[int, gym.vector.VectorEnv]]:
+        """One vector environment per action: {suite: {task id: environments}}.
+
+        Raises:
+            ValueError: If `task` names an unknown action.
+        """
+        chosen = [find_action(name) for name in self.task.split(",")] if self.task else ACTIONS
+        envs: dict[int, Any] = {}
+        for action in chosen:
+            makers = [partial(TabletopEnv, action=action.name, **self.gym_kwargs)] * n_envs
+            # LeRobot's lazy vector environment starts its workers when the task's turn comes.
+            asynchronous = use_async_envs and n_envs > 1
+            envs[ACTIONS.index(action)] = (_LazyAsyncVectorEnv if asynchronous else gym.vector.SyncVectorEnv)(
+                makers
+            )
+        return {self.type: envs}
+
+
+@EnvConfig.register_subclass("clant")
+@dataclass
+class ClantEnvConfig(TabletopEnvConfig):
+    """Coloured cubes."""
+
+
+@EnvConfig.register_subclass("claeo")
+@dataclass
+class ClaeoEnvConfig(TabletopEnvConfig):
+    """Everyday objects that CLANT does not have."""

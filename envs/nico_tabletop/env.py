@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One CLANT action as a Gymnasium environment."""
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from .objects import SUITES
+from .robot import EYES, INITIAL_POSE_DEG, joint_limits_deg
+from .scene import SPECTATOR
+from .scoring import judge
+from .simulation import CONTROL_HZ, TabletopSimulation
+from .tasks import SLOTS, arrangements, find_action
+
+EPISODE_STEPS = 90
+"""CLANT's longest action, 85 frames, and half a second for the objects to come to rest."""
+
+NAME_BYTES = 24
+"""Room for an object's name in the ground truth, UTF-8."""
+
+
+def describe_objects(boxes: NDArray[np.float64], names: tuple[str, ...]) -> NDArray[np.float32]:
+    """The simulator's ground truth about the objects as one vector.
+
+    Args:
+        boxes: Shape (3, 4), see `TabletopSimulation.object_boxes`.
+        names: The objects on the left, middle and right slot.
+
+    Returns:
+        Shape (84,), float32: for each object its box x0, y0, x1, y1 and the 24 bytes of its name in UTF-8,
+        padded with zeros.
+    """
+    letters = [list(name.encode()[:NAME_BYTES].ljust(NAME_BYTES, b"\0")) for name in names]
+    return np.concatenate([boxes, np.array(letters)], axis=1).astype(np.float32).ravel()
+
+
+class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
+    """NICO shall push, pull or slide the object on one slot; each reset draws which objects stand there.
+
+    Observation:
+        pixels/eyes: uint8 (height, width, 3), the picture between NICO's eyes.
+        agent_pos: float32 (10,), measured joint angles, degrees.
+        objects: float32 (84,), *ground truth* for upper bounds, see `describe_objects`.
+
+    Action: float32 (10,), joint targets in degrees, one per 0.1 s, in the order of `robot.JOINT_NAMES`. Targets
+    beyond the joint limits are clipped; NaN and infinity raise `JointTargetError`.
+
+    An episode ends after `EPISODE_STEPS` steps. Then `info` has `is_success` and `outcome`, and the reward is 1
+    for a perfect, 0.5 for a successful outcome.
+
+    `reset(options={"arrangement": (left, middle, right)})` names the objects instead of drawing them.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": CONTROL_HZ}  # noqa: RUF012  Gymnasium's own attribute
+    render_mode = "rgb_array"
+
+    def __init__(self, suite: str, action: str, height: int = 240, width: int = 320) -> None:
+        """Make the environment; the GL context comes with the first picture.
+
+        Args:
+            suite: `clant` (coloured cubes) or `claeo` (everyday objects).
+            action: CLANT's name of the action, such as `PUSH-L`.
+            height: Rows of the eyes' picture.
+            width: Columns of the eyes' picture.
+
+        Raises:
+            ValueError: If there is no such suite or action.
+        """
+        if suite not in SUITES:
+            raise ValueError(f"no suite is called {suite!r}; there are {', '.join(SUITES)}")
+        self.suite = suite
+        self.action = find_action(action)
+        self._size = (height, width)
+        self._max_episode_steps = EPISODE_STEPS
+        self._simulation = TabletopSimulation(SUITES[suite])
+        self._step = 0
+        limits = joint_limits_deg().astype(np.float32)
+        self.action_space = spaces.Box(limits[:, 0], limits[:, 1], dtype=np.float32)
+        self.observation_space = spaces.Dict(
+            {
+                "pixels": spaces.Dict({EYES: spaces.Box(0, 255, (height, width, 3), dtype=np.uint8)}),
+                "agent_pos": spaces.Box(-360.0, 360.0, (len(INITIAL_POSE_DEG),), dtype=np.float32),
+                "objects": spaces.Box(-1.0, 255.0, (len(SLOTS) * (4 + NAME_BYTES),), dtype=np.float32),
+            }
+        )
+
+    @property
+    def task(self) -> str:
+        """CLANT's name of the action."""
+        return self.action.name
+
+    @property
+    def task_description(self) -> str:
+        """The command of this episode in CLANT's words, such as `push red` or `slide-to-left ball`."""
+        return f"{self.action.verb} {self._simulation.arrangement[self.action.slot]}"
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Place three objects and return to the initial pose; see the class for the observation."""
+        super().reset(seed=seed)
+        arrangement = (options or {}).get("arrangement")
+        if arrangement is None:
+            choices = arrangements(tuple(self._simulation.objects))
+            arrangement = choices[self.np_random.integers(len(choices))]
+        self._simulation.reset(arrangement)
+        self._start = self._simulation.object_positions()
+        self._step = 0
+        return self._observation(), {"arrangement": self._simulation.arrangement}
+
+    def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+        """Follow the joint targets for 0.1 s; see the class for observation, reward and info."""
+        self._simulation.step(action)
+        self._step += 1
+        if self._step < EPISODE_STEPS:
+            return self._observation(), 0.0, False, False, {"is_success": False}
+        outcome = judge(self.action, self._start, self._simulation.object_positions())
+        info = {"is_success": outcome.reward > 0, "outcome": str(outcome)}
+        return self._observation(), outcome.reward, False, True, info
+
+    def _observation(self) -> dict[str, Any]:
+        height, width = self._size
+        boxes = self._simulation.object_boxes(width / height)
+        return {
+            "pixels": {EYES: self._simulation.render(EYES, height, width)},
+            "agent_pos": self._simulation.joint_positions_deg.astype(np.float32),
+            "objects": describe_objects(boxes, self._simulation.arrangement),
+        }
+
+    def render(self) -> NDArray[np.uint8]:
+        """The scene as a bystander sees it, uint8 (480, 640, 3)."""
+        return self._simulation.render(SPECTATOR, 480, 640)
+
+    def close(self) -> None:
+        """Free the GL contexts."""
+        self._simulation.close()

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Outcomes and pictures of what `lerobot-eval` has run: `python -m nico_tabletop.report eval_info.json …`."""
+
+import argparse
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from rich.console import Console
+from rich.table import Table
+
+from .scoring import Outcome
+from .tasks import ACTIONS
+
+_FRAMES = 4  # of a video, in the picture
+
+
+def outcomes(info: dict[str, Any]) -> dict[str, dict[str, Counter[Outcome]]]:
+    """Count outcomes by suite and action.
+
+    `lerobot-eval` keeps the sum of rewards of each episode; the environment pays `Outcome.reward` once.
+
+    Args:
+        info: Contents of an `eval_info.json`.
+    """
+    of_reward = {outcome.reward: outcome for outcome in Outcome}
+    found: dict[str, dict[str, Counter[Outcome]]] = {}
+    for task in info["per_task"]:
+        rewards = task["metrics"]["sum_rewards"]
+        action = ACTIONS[task["task_id"]].name
+        found.setdefault(task["task_group"], {})[action] = Counter(of_reward[reward] for reward in rewards)
+    return found
+
+
+def outcome_table(by_suite: dict[str, dict[str, Counter[Outcome]]]) -> Table:
+    """A row for each action and one for each suite."""
+    table = Table(title="Outcomes")
+    for heading in ("suite", "action", "episodes", *Outcome, "success"):
+        table.add_column(str(heading), justify="left" if heading in ("suite", "action") else "right")
+    for suite, by_action in by_suite.items():
+        total: Counter[Outcome] = sum(by_action.values(), Counter())
+        for action, count in [*by_action.items(), ("all", total)]:
+            success = 1 - count[Outcome.FAILURE] / count.total()
+            cells = [str(count.total()), *(str(count[outcome]) for outcome in Outcome), f"{success:.0%}"]
+            table.add_row(
+                suite, action, *cells, style="bold" if action == "all" else "", end_section=action == "all"
+            )
+    return table
+
+
+def _frames(video: Path) -> NDArray[np.uint8]:
+    """Evenly spaced frames of a video side by side."""
+    with av.open(str(video)) as container:
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    chosen = np.linspace(0, len(frames) - 1, _FRAMES).round().astype(int)
+    return np.concatenate([frames[index] for index in chosen], axis=1)
+
+
+def main() -> None:
+    """Print the table, and save a picture with a row of frames for the first video of each task."""
+    parser = argparse.ArgumentParser(prog="python -m nico_tabletop.report", description=main.__doc__)
+    parser.add_argument("eval_info", nargs="+", type=Path, help="eval_info.json of lerobot-eval")
+    parser.add_argument("--picture", type=Path, required=True, help="PNG file to write")
+    arguments = parser.parse_args()
+    by_suite: dict[str, dict[str, Counter[Outcome]]] = {}
+    rows = []
+    for path in arguments.eval_info:
+        info = json.loads(path.read_text(encoding="utf-8"))
+        by_suite |= outcomes(info)
+        rows += [
+            _frames(Path(videos[0]))
+            for task in info["per_task"]
+            if (videos := task["metrics"]["video_paths"])
+        ]
+    Image.fromarray(np.concatenate(rows)).resize((1280, 240 * len(rows))).save(arguments.picture)
+    console = Console()
+    console.print(outcome_table(by_suite))
+    for path in arguments.eval_info:
+        console.print(f"Videos: {path.parent / 'videos'}", soft_wrap=True)
+    console.print(f"Picture: {arguments.picture}", soft_wrap=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well an action went (paper, figure 3).
+
+The paper names three outcomes and leaves the numbers open; the thresholds are our decision.
+"""
+
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .tasks import Action
+
+PERFECT_DISTANCE = 0.03
+"""The target must move this far for a perfect outcome, metres."""
+TARGET_MOVED = 0.005
+"""From here on the target counts as moved, metres."""
+OTHER_MOVED = 0.01
+"""From here on another object counts as moved, metres."""
+DIRECTION_TOLERANCE_DEG = 45.0
+"""Largest angle between the target's motion and the intended direction, degrees."""
+
+
+class Outcome(StrEnum):
+    """The paper's three outcomes."""
+
+    PERFECT = "perfect"
+    SUCCESSFUL = "successful"
+    FAILURE = "failure"
+
+    @property
+    def reward(self) -> float:
+        """1 for perfect, 0.5 for successful, 0 for failure."""
+        return {Outcome.PERFECT: 1.0, Outcome.SUCCESSFUL: 0.5, Outcome.FAILURE: 0.0}[self]
+
+
+def judge(action: Action, start: NDArray[np.float64], end: NDArray[np.float64]) -> Outcome:
+    """Compare the objects' places before and after an action.
+
+    *Perfect*: the right object moved in the intended direction beyond the threshold, and no other moved.
+    *Successful*: the same without the threshold. *Failure*: anything else.
+
+    Args:
+        action: What was to be done.
+        start: Object positions before, shape (3, 3), metres, by slot.
+        end: Object positions after, the same shape.
+    """
+    motion = (end - start)[:, :2]
+    distance = np.linalg.norm(motion, axis=1)
+    others = np.delete(distance, action.slot)
+    moved = distance[action.slot]
+    along = motion[action.slot] @ np.array(action.direction, dtype=float)
+    right_way = along >= moved * np.cos(np.deg2rad(DIRECTION_TOLERANCE_DEG))
+    if moved < TARGET_MOVED or not right_way or (others >= OTHER_MOVED).any():
+        return Outcome.FAILURE
+    return Outcome.PERFECT if moved >= PERFECT_DISTANCE else Outcome.SUCCESSFUL

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The running world: NICO's servos, three objects of a suite on the slots, and what the cameras see."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .objects import TabletopObject
+from .robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
+from .scene import build_model, parking_position, slot_position
+from .tasks import SLOTS
+
+CONTROL_HZ = 10
+"""Joint targets per second: one per CLANT frame."""
+
+
+class JointTargetError(ValueError):
+    """A joint target is not a finite number."""
+
+
+def _within_limits(target_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Joint targets in radians, clipped. CLANT's own first row lies 0.02 degrees beyond the elbows' limits."""
+    limits = joint_limits_deg()
+    return np.deg2rad(np.clip(target_deg, limits[:, 0], limits[:, 1]))
+
+
+class TabletopSimulation:
+    """NICO at the table with three of the given objects.
+
+    Angles are degrees in the order of `robot.JOINT_NAMES`; positions are metres in the robot's frame (x
+    forward, y to the robot's left, z up). The same calls give the same numbers, bit for bit.
+    """
+
+    def __init__(self, objects: tuple[TabletopObject, ...]) -> None:
+        self.objects = {item.name: item for item in objects}
+        self.model = build_model(objects)
+        self.data = mujoco.MjData(self.model)
+        self.arrangement: tuple[str, ...] = ()
+        self._joints = np.array([self.model.joint(name).qposadr[0] for name in JOINT_NAMES])
+        self._substeps = round(1 / (CONTROL_HZ * self.model.opt.timestep))
+        self._target = _within_limits(INITIAL_POSE_DEG)
+        self._renderers: dict[tuple[int, int], mujoco.Renderer] = {}
+
+    def reset(self, arrangement: Sequence[str]) -> None:
+        """Put the named objects on the left, middle and right slot and the arms into the initial pose.
+
+        Raises:
+            ValueError: If there are not three distinct known names.
+        """
+        if len(set(arrangement)) != len(SLOTS) or not set(arrangement) <= set(self.objects):
+            known = ", ".join(self.objects)
+            raise ValueError(
+                f"an arrangement is three different objects out of {known}; got {list(arrangement)}"
+            )
+        self.arrangement = tuple(arrangement)
+        mujoco.mj_resetData(self.model, self.data)
+        for index, name in enumerate(self.objects):
+            present = name in arrangement
+            place = slot_position(self.arrangement.index(name)) if present else parking_position(index)
+            self.data.joint(name).qpos[:] = [*place, 1, 0, 0, 0]
+            self.model.body_gravcomp[self.model.body(name).id] = 0.0 if present else 1.0
+        self._target = _within_limits(INITIAL_POSE_DEG)
+        self.data.qpos[self._joints] = self._target
+        self.data.ctrl[:] = self._target
+        mujoco.mj_forward(self.model, self.data)
+
+    def step(self, target_deg: ArrayLike) -> None:
+        """Move for one control period (0.1 s) towards joint targets, shape (10,), degrees.
+
+        Targets beyond a joint's limits are clipped to them; the servos follow a straight line in joint space.
+
+        Raises:
+            JointTargetError: If a target is NaN or infinite.
+        """
+        target = np.asarray(target_deg, dtype=np.float64)
+        if target.shape != (len(JOINT_NAMES),):
+            raise JointTargetError(
+                f"a joint target has {len(JOINT_NAMES)} angles in degrees; got {target.shape}"
+            )
+        if not np.isfinite(target).all():
+            bad = ", ".join(f"{JOINT_NAMES[k]} = {target[k]}" for k in np.flatnonzero(~np.isfinite(target)))
+            raise JointTargetError(f"joint targets must be finite degrees; got {bad}")
+        goal = _within_limits(target)
+        for substep in range(1, self._substeps + 1):
+            self.data.ctrl[:] = self._target + (goal - self._target) * (substep / self._substeps)
+            mujoco.mj_step(self.model, self.data)
+        self._target = goal
+
+    @property
+    def joint_positions_deg(self) -> NDArray[np.float64]:
+        """Measured joint angles, shape (10,), degrees."""
+        return np.rad2deg(self.data.qpos[self._joints])
+
+    def object_positions(self) -> NDArray[np.float64]:
+        """Middles of the objects on the left, middle and right slot, shape (3, 3), metres."""
+        return np.array([self.data.body(name).xpos for name in self.arrangement])
+
+    def render(self, camera: str, height: int, width: int) -> NDArray[np.uint8]:
+        """Picture of a camera, shape (height, width, 3), RGB."""
+        # The GL context is made on first use, inside the process that renders.
+        renderer = self._renderers.get((height, width))
+        if renderer is None:
+            renderer = self._renderers[height, width] = mujoco.Renderer(self.model, height, width)
+        renderer.update_scene(self.data, camera)
+        return renderer.render()
+
+    def object_boxes(self, aspect: float) -> NDArray[np.float64]:
+        """Ground truth: the boxes of the three objects in the eye camera's picture.
+
+        A box encloses the projection of the object's whole visible surface, also where a hand hides it.
+
+        Args:
+            aspect: Width over height of the picture.
+
+        Returns:
+            Shape (3, 4): x0, y0, x1, y1 from the picture's upper left corner, as fractions of its width and
+            height, cut at its edges; all -1 for an object out of view.
+        """
+        camera = self.data.camera(EYES)
+        half_height = np.tan(np.deg2rad(self.model.camera(EYES).fovy[0]) / 2)
+        boxes = np.full((len(self.arrangement), 4), -1.0)
+        for index, name in enumerate(self.arrangement):
+            seen = (self._surface(name) - camera.xpos) @ camera.xmat.reshape(3, 3)
+            if (seen[:, 2] >= 0).any():  # the camera looks along its own -z
+                continue
+            picture = seen[:, :2] / -seen[:, 2:] / (half_height * np.array([aspect, -1.0]))
+            picture = (picture + 1) / 2
+            low, high = picture.min(axis=0), picture.max(axis=0)
+            if (high > 0).all() and (low < 1).all():
+                boxes[index] = np.clip([*low, *high], 0, 1)
+        return boxes
+
+    def _surface(self, name: str) -> NDArray[np.float64]:
+        """Corner points of an object's visible parts, shape (N, 3), metres."""
+        points = []
+        body = self.model.body(name)
+        for geom in range(body.geomadr[0], body.geomadr[0] + body.geomnum[0]):
+            if self.model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+                mesh = self.model.geom_dataid[geom]
+                start = self.model.mesh_vertadr[mesh]
+                local = self.model.mesh_vert[start : start + self.model.mesh_vertnum[mesh]]
+            elif self.model.geom_contype[geom] == 0:
+                signs = np.stack(np.meshgrid(*[[-1, 1]] * 3), axis=-1).reshape(-1, 3)
+                local = signs * self.model.geom_size[geom]
+            else:
+                continue  # the collision box is not seen
+            rotation = self.data.geom_xmat[geom].reshape(3, 3)
+            points.append(local @ rotation.T + self.data.geom_xpos[geom])
+        return np.concatenate(points)
+
+    def close(self) -> None:
+        """Free the GL contexts."""
+        for renderer in self._renderers.values():
+            renderer.close()
+        self._renderers.clear()

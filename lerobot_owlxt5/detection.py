@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The eyes: where in the image is the object with this name? OWLv2, or the simulator's ground truth."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
+
+import torch
+from torch import Tensor
+from transformers import Owlv2ForObjectDetection, Owlv2Processor
+
+from .commands import object_name, plain
+from .configuration_owlxt5 import OWLxT5Config
+from .episodes import at_step
+from .pretrained import load_pretrained
+
+GROUND_TRUTH = "ground_truth"
+OBS_OBJECTS = "observation.objects"
+# Per object: a box of 4 numbers and its name as 24 bytes.
+OBJECT_NUMBERS, BOX_NUMBERS = 28, 4
+# OWLv2 looks at 3600 patches of an image: a whole training batch at once would not fit into memory.
+IMAGES_AT_ONCE = 8
+
+
+class Detections(NamedTuple):
+    """Where the named objects are.
+
+    Attributes:
+        centre: (batch, names, 2), x and y of the box's centre as shares of the image's width and height, in
+            [0, 1] from the top left corner; meaningless where nothing was found.
+        score: (batch, names) in [0, 1]; 0 where nothing was found.
+    """
+
+    centre: Tensor
+    score: Tensor
+
+
+class Detector(Protocol):
+    """Finds named objects in one frame of each sample of a batch."""
+
+    def __call__(self, batch: dict[str, Any], names: Sequence[Sequence[str]], step: int = 0) -> Detections:
+        """Detect.
+
+        Args:
+            batch: A batch as the policy gets it.
+            names: For each sample, the names to look for; the same number for each sample.
+            step: Which of the batch's observation steps to look at.
+        """
+
+
+def make_detector(config: OWLxT5Config) -> Detector:
+    """Make the detector that the configuration names."""
+    if config.detector == GROUND_TRUTH:
+        return GroundTruthDetector()
+    return Owlv2Detector(config.detector, config.detector_revision, config.score_threshold, config.camera_key)
+
+
+class GroundTruthDetector:
+    """Reads the simulator's boxes from `observation.objects`: an upper bound for any real detector."""
+
+    def __call__(self, batch: dict[str, Any], names: Sequence[Sequence[str]], step: int = 0) -> Detections:
+        """Detect: see `Detector`."""
+        if OBS_OBJECTS not in batch:
+            raise ValueError(
+                f"--policy.detector={GROUND_TRUTH} reads the simulator's boxes from '{OBS_OBJECTS}', which "
+                "this dataset or environment does not provide. Name an OWLv2 with --policy.detector."
+            )
+        objects = at_step(batch[OBS_OBJECTS], step, ndim=2).unflatten(1, (-1, OBJECT_NUMBERS)).float()
+        boxes = objects[..., :BOX_NUMBERS]
+        centres = (boxes[..., :2] + boxes[..., 2:]) / 2
+        visible = (boxes >= 0).all(dim=-1)
+        spellings = objects[..., BOX_NUMBERS:].round().to(torch.uint8).cpu().numpy()
+        present = [[bytes(slot).rstrip(b"\0").decode() for slot in sample] for sample in spellings]
+        slot = torch.tensor(
+            [[_find(name, objects) for name in asked] for asked, objects in zip(names, present, strict=True)],
+            device=centres.device,
+        )
+        index = slot.clamp(min=0)
+        score = (slot >= 0) & visible.gather(1, index)
+        return Detections(centres.gather(1, index[..., None].expand(-1, -1, 2)), score.float())
+
+
+def _find(name: str, present: Sequence[str]) -> int:
+    """Index of the one object that a name fits, or -1: "red cube" fits "red", "bottle" not two bottles."""
+    asked = plain(name)
+    exact = [slot for slot, other in enumerate(present) if plain(other) == asked]
+    words = set(asked.split())
+    similar = [
+        slot
+        for slot, other in enumerate(present)
+        if words and other and (words <= set(plain(other).split()) or words >= set(plain(other).split()))
+    ]
+    return next((matches[0] for matches in (exact, similar) if len(matches) == 1), -1)
+
+
+class Owlv2Detector:
+    """OWLv2 (paper, section 3), frozen: the box with the highest score is the object.
+
+    Like the frozen language model it is no part of the policy's module tree.
+    """
+
+    def __init__(self, name: str, revision: str | None, threshold: float, camera: str) -> None:
+        where = ("--policy.detector", f"a folder that holds an OWLv2, or --policy.detector={GROUND_TRUTH}")
+        self.processor = load_pretrained(Owlv2Processor, name, revision, *where)
+        self.model = load_pretrained(Owlv2ForObjectDetection, name, revision, *where, use_safetensors=True)
+        self.model.requires_grad_(False).eval()
+        self.threshold = threshold
+        self.camera = camera
+
+    def __call__(self, batch: dict[str, Any], names: Sequence[Sequence[str]], step: int = 0) -> Detections:
+        """Detect: see `Detector`."""
+        images = at_step(batch[self.camera], step, ndim=4)
+        if images.dtype == torch.uint8:
+            images = images / 255
+        parts = [
+            self._detect(images[first : first + IMAGES_AT_ONCE], names[first : first + IMAGES_AT_ONCE])
+            for first in range(0, len(images), IMAGES_AT_ONCE)
+        ]
+        return Detections(*(torch.cat(tensors) for tensors in zip(*parts, strict=True)))
+
+    @torch.no_grad()
+    def _detect(self, images: Tensor, names: Sequence[Sequence[str]]) -> Detections:
+        queries = [[f"a photo of a {object_name(name)}" for name in asked] for asked in names]
+        inputs = self.processor(
+            text=queries, images=list(images), do_rescale=False, truncation=True, return_tensors="pt"
+        )
+        outputs = self.model.to(images.device)(**inputs.to(images.device))
+        height, width = images.shape[-2:]
+        centre = to_image_coordinates(outputs.pred_boxes[..., :2], height, width)
+        inside = ((centre >= 0) & (centre <= 1)).all(dim=-1, keepdim=True)
+        scores = outputs.logits.sigmoid() * inside
+        best, box = scores.max(dim=1)
+        return Detections(
+            centre.gather(1, box[..., None].expand(-1, -1, 2)),
+            torch.where(best >= self.threshold, best, 0.0),
+        )
+
+
+def to_image_coordinates(points: Tensor, height: int, width: int) -> Tensor:
+    """Turn OWLv2's coordinates into shares of the image.
+
+    OWLv2 pads an image at the right or at the bottom to a square and returns shares of that square.
+
+    Args:
+        points: (..., 2), x and y as shares of the square.
+        height: The image's height in pixels.
+        width: The image's width in pixels.
+    """
+    side = max(height, width)
+    return points * points.new_tensor([side / width, side / height])
+
+
+class RememberedDetections:
+    """Remembers where an object is in an episode's first frame: that frame comes by in each epoch."""
+
+    def __init__(self, detector: Detector) -> None:
+        self.detector = detector
+        self._found: dict[tuple[int, str], tuple[float, float, float]] = {}
+
+    def __call__(self, batch: dict[str, Any], names: Sequence[str]) -> Detections:
+        """Detect one object per sample of a training batch, which must carry `episode_index`."""
+        keys = list(zip(batch["episode_index"].flatten().tolist(), names, strict=True))
+        first_seen = {key: sample for sample, key in enumerate(keys) if key not in self._found}
+        if first_seen:
+            chosen = list(first_seen.values())
+            part = {
+                key: value[chosen]
+                for key, value in batch.items()
+                if key.startswith("observation.") and isinstance(value, Tensor)
+            }
+            centre, score = self.detector(part, [[names[sample]] for sample in chosen])
+            found = torch.cat([centre[:, 0], score], dim=1).tolist()
+            self._found |= {key: tuple(numbers) for key, numbers in zip(first_seen, found, strict=True)}
+        numbers = torch.tensor([self._found[key] for key in keys], device=batch["action"].device)
+        return Detections(numbers[:, None, :2], numbers[:, 2:])

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""T5, split between its encoder and its decoder (paper, section 3)."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.nn.functional import cross_entropy
+from torch.nn.utils.rnn import pad_sequence
+from transformers import AutoModelForSeq2SeqLM, AutoTokenizer
+from transformers.modeling_outputs import BaseModelOutput
+
+from .pretrained import load_pretrained
+
+# Encodings to remember: enough for CLANT's prompts, and at T5-small's size about 300 MB at the very most.
+MAX_REMEMBERED = 4096
+IGNORED = -100
+
+
+class SplitT5:
+    """T5's encoder and decoder, with room between them.
+
+    Deliberately not a `torch.nn.Module`: as long as T5 is frozen, it stays out of the policy's module tree
+    and so out of checkpoints, optimiser and gradient synchronisation. To train it, the policy registers
+    `model`.
+
+    Args:
+        name: Hub id or folder.
+        revision: Hub revision, or None.
+        frozen: Keep the weights fixed, and never encode the same prompt twice.
+    """
+
+    def __init__(self, name: str, revision: str | None = None, *, frozen: bool = True) -> None:
+        where = (
+            "--policy.language_model",
+            "a folder that holds a T5 (`python -m lerobot_owlxt5.backbones` makes one)",
+        )
+        self.tokenizer = load_pretrained(AutoTokenizer, name, revision, *where)
+        self.model: Any = load_pretrained(AutoModelForSeq2SeqLM, name, revision, *where, use_safetensors=True)
+        self.frozen = frozen
+        if frozen:
+            self.model.requires_grad_(False).eval()
+        self._remembered: dict[str, Tensor] = {}
+
+    @property
+    def dim(self) -> int:
+        """Width of the encoding."""
+        return self.model.config.d_model
+
+    def encode(self, prompts: Sequence[str], device: torch.device) -> tuple[Tensor, Tensor]:
+        """Encode prompts.
+
+        Returns:
+            l_enc (batch, tokens, dim), zero on padding, and a bool mask (batch, tokens), False on padding.
+        """
+        if not self.frozen:
+            encodings = self._encode(prompts, device)
+        else:
+            new = [prompt for prompt in dict.fromkeys(prompts) if prompt not in self._remembered]
+            if new:
+                if len(self._remembered) + len(new) > MAX_REMEMBERED:
+                    self._remembered.clear()
+                    new = list(dict.fromkeys(prompts))
+                # A tensor made in inference mode could not take part in a later training step.
+                with torch.inference_mode(False), torch.no_grad():
+                    self._remembered |= zip(new, self._encode(new, device), strict=True)
+            encodings = [self._remembered[prompt].to(device) for prompt in prompts]
+        lengths = torch.tensor([len(encoding) for encoding in encodings], device=device)
+        padded = pad_sequence(encodings, batch_first=True)
+        return padded, torch.arange(padded.shape[1], device=device) < lengths[:, None]
+
+    def text_loss(self, encoding: Tensor, mask: Tensor, texts: Sequence[str]) -> Tensor:
+        """Cross entropy of the decoder's tokens, averaged over each text.
+
+        Args:
+            encoding: What the decoder attends to, (batch, tokens, dim).
+            mask: (batch, tokens) bool.
+            texts: Target texts; an empty one has the end-of-sequence token alone.
+
+        Returns:
+            (batch,) in nats per token.
+        """
+        labels = self._tokenize(texts, encoding.device)
+        targets = labels["input_ids"].masked_fill(labels["attention_mask"] == 0, IGNORED)
+        hidden = self._on(encoding.device).get_decoder()(
+            input_ids=self.model.prepare_decoder_input_ids_from_labels(targets),
+            encoder_hidden_states=encoding,
+            encoder_attention_mask=mask,
+            use_cache=False,
+        )[0]
+        if self.model.config.scale_decoder_outputs:
+            hidden = hidden * self.model.config.d_model**-0.5
+        # The vocabulary is the widest layer by far: go through it only where there is something to compare.
+        labelled = targets != IGNORED
+        logits = self.model.get_output_embeddings()(hidden[labelled])
+        losses = torch.zeros_like(targets, dtype=logits.dtype)
+        losses[labelled] = cross_entropy(logits, targets[labelled], reduction="none")
+        return losses.sum(dim=1) / labelled.sum(dim=1)
+
+    def generate(self, encoding: Tensor, mask: Tensor, max_new_tokens: int) -> list[str]:
+        """Generate one text per sample, greedily.
+
+        Args:
+            encoding: What the decoder attends to, (batch, tokens, dim).
+            mask: (batch, tokens) bool.
+            max_new_tokens: Longest text, in tokens.
+        """
+        tokens = self._on(encoding.device).generate(
+            encoder_outputs=BaseModelOutput(last_hidden_state=encoding),  # type: ignore[arg-type]
+            attention_mask=mask.long(),
+            max_new_tokens=max_new_tokens,
+            do_sample=False,
+            num_beams=1,
+        )
+        return [text.strip() for text in self.tokenizer.batch_decode(tokens, skip_special_tokens=True)]
+
+    def _encode(self, prompts: Sequence[str], device: torch.device) -> list[Tensor]:
+        tokens = self._tokenize(prompts, device)
+        hidden = self._on(device).get_encoder()(**tokens).last_hidden_state
+        lengths = tokens["attention_mask"].sum(dim=1).tolist()
+        return [sequence[:length] for sequence, length in zip(hidden, lengths, strict=True)]
+
+    def _tokenize(self, texts: Sequence[str], device: torch.device) -> dict[str, Tensor]:
+        tokens = self.tokenizer(list(texts), padding=True, return_tensors="pt")
+        return {key: tokens[key].to(device) for key in ("input_ids", "attention_mask")}
+
+    def _on(self, device: torch.device) -> Any:
+        # A frozen model does not move with the policy, as it is not part of it.
+        return self.model if self.model.device == device else self.model.to(device)

@@ -1,0 +1,7 @@
+# SPDX-License-Identifier: Apache-2.0
+"""LeRobot's door to this plugin: importing it registers the policies and the environments.
+
+LeRobot imports the module that bears the distribution's name (`lerobot_policy_owlxt5`) in every command.
+"""
+
+import nico_tabletop.configuration  # noqa: F401  registers the environments `clant` and `claeo`

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+import subprocess
+import sys
+from functools import partial
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from nico_tabletop.env import EPISODE_STEPS, NAME_BYTES, TabletopEnv
+from nico_tabletop.objects import SUITES
+from nico_tabletop.robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
+from nico_tabletop.scoring import judge
+from nico_tabletop.simulation import JointTargetError, TabletopSimulation
+from nico_tabletop.tasks import ACTIONS
+
+CUBES = ("red", "green", "blue")
+
+
+@pytest.fixture(scope="module")
+def cubes() -> TabletopSimulation:
+    return TabletopSimulation(SUITES["clant"])
+
+
+def test_replaying_the_original_trajectories_is_perfect_on_both_suites(release):
+    for suite, objects in SUITES.items():
+        simulation = TabletopSimulation(objects)
+        names = tuple(simulation.objects)[:3]
+        for action, sample in {sample.action: sample for sample in release.samples}.items():
+            simulation.reset(names)
+            start = simulation.object_positions()
+            for step in range(EPISODE_STEPS):
+                simulation.step(sample.joints[min(step + 1, len(sample.joints) - 1)])
+            task = next(task for task in ACTIONS if task.name == action)
+            assert judge(task, start, simulation.object_positions()) == "perfect", (suite, action)
+
+
+def test_the_same_calls_give_the_same_numbers_bit_for_bit(cubes: TabletopSimulation):
+    def rollout() -> tuple[bytes, bytes]:
+        targets = np.random.default_rng(7).normal(INITIAL_POSE_DEG, 20, (15, len(JOINT_NAMES)))
+        cubes.reset(CUBES)
+        for target in targets:
+            cubes.step(target)
+        return cubes.data.qpos.tobytes(), cubes.render(EYES, 48, 64).tobytes()
+
+    assert rollout() == rollout()
+
+
+def test_servos_follow_a_target_and_stop_at_the_limits(cubes: TabletopSimulation):
+    cubes.reset(CUBES)
+    goal = INITIAL_POSE_DEG * 0.8 + 5
+    for _ in range(10):
+        cubes.step(goal)
+    assert np.abs(cubes.joint_positions_deg - goal).max() < 0.5
+    for _ in range(40):
+        cubes.step(np.full(len(JOINT_NAMES), 1000.0))
+    assert (cubes.joint_positions_deg <= joint_limits_deg()[:, 1] + 0.5).all()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_target_that_is_not_finite_names_the_joint(cubes: TabletopSimulation, bad: float):
+    cubes.reset(CUBES)
+    target = INITIAL_POSE_DEG.copy()
+    target[3] = bad
+    with pytest.raises(JointTargetError, match="r_elbow_y"):
+        cubes.step(target)
+
+
+def test_an_arrangement_of_unknown_or_repeated_objects_is_refused(cubes: TabletopSimulation):
+    for arrangement in [("red", "red", "blue"), ("red", "green"), ("red", "green", "teapot")]:
+        with pytest.raises(ValueError, match="three different objects"):
+            cubes.reset(arrangement)
+
+
+@pytest.mark.parametrize("suite", SUITES)
+def test_boxes_enclose_what_the_segmentation_sees(suite: str):
+    simulation = TabletopSimulation(SUITES[suite])
+    height, width = 240, 320
+    for names in (tuple(simulation.objects)[:3], tuple(simulation.objects)[3:]):
+        simulation.reset(names)
+        boxes = simulation.object_boxes(width / height) * [width, height, width, height]
+        with mujoco.Renderer(simulation.model, height, width) as renderer:
+            renderer.enable_segmentation_rendering()
+            renderer.update_scene(simulation.data, EYES)
+            geoms = renderer.render()[..., 0]
+        for name, box in zip(names, boxes, strict=True):
+            mine = np.flatnonzero(simulation.model.geom_bodyid == simulation.model.body(name).id)
+            rows, columns = np.nonzero(np.isin(geoms, mine))
+            seen = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
+            # A hand may hide a part, so the box is at least what is seen, and no larger where nothing hides it.
+            assert (box[:2] <= np.array(seen[:2]) + 1).all(), name
+            assert (box[2:] >= np.array(seen[2:]) - 1).all(), name
+            if name == names[1]:
+                assert np.abs(box - seen).max() <= 1.5, name
+
+
+@pytest.mark.filterwarnings("ignore:.*(symmetric and normalized|alternative render modes)")
+@pytest.mark.parametrize("suite", SUITES)
+def test_the_environment_passes_gymnasiums_checker(suite: str):
+    env = TabletopEnv(suite, "PULL-R", height=48, width=64)
+    check_env(env)
+    env.close()
+
+
+def test_an_episode_ends_with_its_outcome_and_names_its_task():
+    env = TabletopEnv("claeo", "SLIDE-M-R", height=48, width=64)
+    observation, info = env.reset(options={"arrangement": ("can", "ball", "mug")})
+    assert (env.task, env.task_description) == ("SLIDE-M-R", "slide-to-right ball")
+    assert info["arrangement"] == ("can", "ball", "mug")
+    objects = observation["objects"].reshape(3, 4 + NAME_BYTES)
+    names = [bytes(row[4:].astype(np.uint8)).rstrip(b"\0").decode() for row in objects]
+    assert names == ["can", "ball", "mug"]
+    for step in range(EPISODE_STEPS):
+        _, reward, terminated, truncated, info = env.step(INITIAL_POSE_DEG.astype(np.float32))
+        assert (terminated, truncated) == (False, step == EPISODE_STEPS - 1)
+    assert (reward, info) == (0.0, {"is_success": False, "outcome": "failure"})
+    env.close()
+
+
+def test_a_seed_draws_the_same_scene_and_seeds_differ():
+    env = TabletopEnv("clant", "PUSH-L", height=48, width=64)
+    drawn = [env.reset(seed=seed)[1]["arrangement"] for seed in [*range(8), *range(8)]]
+    assert drawn[:8] == drawn[8:]
+    assert len(set(drawn[:8])) > 4
+    env.close()
+
+
+def test_vector_environments_agree():
+    makers = [partial(TabletopEnv, "clant", "PUSH-R", height=48, width=64)] * 2
+    results = []
+    for envs in (gym.vector.SyncVectorEnv(makers), gym.vector.AsyncVectorEnv(makers, context="forkserver")):
+        observation, _ = envs.reset(seed=[3, 4])
+        for _ in range(3):
+            observation, *_ = envs.step(np.stack([INITIAL_POSE_DEG.astype(np.float32) + 3] * 2))
+        results.append((observation["agent_pos"], observation["pixels"][EYES], envs.call("task_description")))
+        envs.close()
+    for one, other in zip(*results, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_the_world_needs_no_torch():
+    code = "import sys, nico_tabletop.env; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
