@@ -10,7 +10,7 @@ from lerobot.utils.constants import ACTION, OBS_STATE
 from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits
 
-from . import modes
+from . import made_up_names, modes
 from .action import hold_after_stop
 from .annotations import EpisodeTexts, read_texts
 from .commands import object_name, parse_command, spoken, with_article
@@ -188,18 +188,14 @@ class OWLxT5Policy(PreTrainedPolicy):
                 for texts in episodes
             ]
         )
-        if self.training:
-            chance, wording = torch.rand(2, len(tasks)).double()
-        else:
-            chance = modes.spread(batch["index"].flatten().cpu())
-            wording = torch.zeros(len(tasks))
+        chance = torch.rand(len(tasks)) if self.training else modes.spread(batch["index"].flatten().cpu())
         mode = modes.draw_modes(probabilities, chance)
         prompts, answers = [], []
-        for drawn, task, texts, share in zip(mode.tolist(), tasks, episodes, wording.tolist(), strict=True):
-            wordings = texts.wordings or (task,)
+        for drawn, task, texts in zip(mode.tolist(), tasks, episodes, strict=True):
+            task, wording = self._choose_words(task, texts) if self.training else (task, task)
             prompts.append(
                 (
-                    modes.execute_prompt(wordings[int(share * len(wordings))] if self.training else task),
+                    modes.execute_prompt(wording),
                     modes.describe_prompt(parse_command(task).object),
                     modes.repeat_action_prompt(),
                     modes.translate_prompt(texts.sentence or ""),
@@ -207,6 +203,15 @@ class OWLxT5Policy(PreTrainedPolicy):
             )
             answers.append(spoken(task) if drawn == modes.DESCRIBE else "")
         return Lessons(mode, prompts, answers)
+
+    def _choose_words(self, task: str, texts: EpisodeTexts) -> tuple[str, str]:
+        """Task and wording of it to train with; both with a made-up name, if T5 has names to learn."""
+        wordings = texts.wordings or (task,)
+        wording = wordings[int(torch.randint(len(wordings), ()))]
+        if self.config.train_language_model and torch.rand(()) < made_up_names.SHARE:
+            name = made_up_names.draw_name()
+            return made_up_names.rename_object(task, name), made_up_names.rename_object(wording, name)
+        return task, wording
 
     def _language_loss(self, encoding: Tensor, mask: Tensor, change: Tensor, lessons: Lessons) -> Tensor:
         """Cross entropy of T5's tokens, or in translate mean((l_enc + FC(h) - l_enc)^2): (batch,)."""

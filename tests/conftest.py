@@ -1,11 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fixtures that several test files share."""
 
+from __future__ import annotations
+
 import os
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from clant_claeo.release import Release
 
 CLANT_DIR = "OWLXT5_CLANT_DIR"
 
@@ -19,3 +25,11 @@ def clant_dir() -> Path:
     if not (path := os.environ.get(CLANT_DIR)):
         pytest.skip(f"needs the original CLANT release: set {CLANT_DIR} to its folder")
     return Path(path)
+
+
+@pytest.fixture(scope="session")
+def clant_release(clant_dir: Path) -> Release:
+    """The original release, read and checked."""
+    from clant_claeo.release import read_release  # imports mujoco: after MUJOCO_GL is set
+
+    return read_release(clant_dir)

@@ -25,6 +25,9 @@ from lerobot_owlxt5.backbones import SmallT5Config, collect_texts, make_small_t5
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 
+# With models this small, threads would mostly wait for each other.
+torch.set_num_threads(1)
+
 EYES = "observation.images.eyes"
 JOINTS = [f"{side}_{joint}.pos" for side in "rl" for joint in ("s_z", "s_y", "arm_x", "elbow_y", "wrist_z")]
 HOME = np.array([0, -20, 0, -100, 0, 0, 20, 0, 100, 0], dtype=np.float32)

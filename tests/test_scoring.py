@@ -61,7 +61,8 @@ def test_the_outcome_depends_on_distance_and_angle_alone(action, distance: float
 
 
 def test_the_twelve_actions_are_clants():
-    names = "PUSH-L PULL-L SLIDE-L-L SLIDE-L-R PUSH-M PULL-M SLIDE-M-L SLIDE-M-R PUSH-R PULL-R SLIDE-R-L SLIDE-R-R"
-    assert [action.name for action in ACTIONS] == names.split()
-    with pytest.raises(ValueError, match="LIFT-M.*PUSH-L"):
+    left, middle = "PUSH-L PULL-L SLIDE-L-L SLIDE-L-R", "PUSH-M PULL-M SLIDE-M-L SLIDE-M-R"
+    right = "PUSH-R PULL-R SLIDE-R-L SLIDE-R-R"
+    assert [action.name for action in ACTIONS] == f"{left} {middle} {right}".split()
+    with pytest.raises(ValueError, match=r"LIFT-M.*PUSH-L"):
         find_action("LIFT-M")

@@ -23,11 +23,11 @@ def cubes() -> TabletopSimulation:
     return TabletopSimulation(SUITES["clant"])
 
 
-def test_replaying_the_original_trajectories_is_perfect_on_both_suites(release):
+def test_replaying_the_original_trajectories_is_perfect_on_both_suites(clant_release):
     for suite, objects in SUITES.items():
         simulation = TabletopSimulation(objects)
         names = tuple(simulation.objects)[:3]
-        for action, sample in {sample.action: sample for sample in release.samples}.items():
+        for action, sample in {sample.action: sample for sample in clant_release.samples}.items():
             simulation.reset(names)
             start = simulation.object_positions()
             for step in range(EPISODE_STEPS):
@@ -88,7 +88,7 @@ def test_boxes_enclose_what_the_segmentation_sees(suite: str):
             mine = np.flatnonzero(simulation.model.geom_bodyid == simulation.model.body(name).id)
             rows, columns = np.nonzero(np.isin(geoms, mine))
             seen = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
-            # A hand may hide a part, so the box is at least what is seen, and no larger where nothing hides it.
+            # A hand may hide a part: the box is at least what is seen, and no larger where nothing hides it.
             assert (box[:2] <= np.array(seen[:2]) + 1).all(), name
             assert (box[2:] >= np.array(seen[2:]) - 1).all(), name
             if name == names[1]:

@@ -7,11 +7,12 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
-from nico_tabletop.objects import SUITES, TabletopObject
+from nico_tabletop.objects import SUITES
 from nico_tabletop.tasks import ACTIONS, Action, arrangements, find_action
 from numpy.typing import NDArray
 
 from .release import Release
+from .wordings import wordings
 
 Split = Literal["train", "test"]
 
@@ -40,11 +41,6 @@ class Demonstration:
     def task(self) -> str:
         """The canonical command."""
         return self.wordings[0]
-
-
-def wordings(action: Action, target: TabletopObject) -> tuple[str, ...]:
-    """The accepted commands in the release's order: canonical words first, the verb changes fastest."""
-    return tuple(f"{verb} {noun}" for noun in (target.name, target.synonym) for verb in action.verbs)
 
 
 def from_release(release: Release, suite: str) -> Iterator[Demonstration]:

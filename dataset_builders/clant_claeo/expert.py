@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scripted demonstrations: joint trajectories that push, pull or slide one object."""
+"""Scripted demonstrations: joint trajectories that push, pull or slide one object.
 
+All verbs are the same movement of the fingertips in different directions: rise, turn the hand and go above
+the side of the object from which to move it, lower, stroke through the object's place, draw back, lift. Only
+the grip and the arm depend on the verb. mink's inverse kinematics turns the movement into joint angles.
+"""
 
-import mink
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
 from nico_tabletop.objects import CUBE_HALF_WIDTH
@@ -10,95 +15,202 @@ from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES
 from nico_tabletop.scene import TABLE_HEIGHT, build_model
 from nico_tabletop.simulation import CONTROL_HZ
 from nico_tabletop.tasks import Action
+from numpy.typing import NDArray
 
-DT = 0.02
-CFG = dict(travel=0.065, lift=0.07, speed=0.16, oc=0.05, back=0.02, reachover=0.08, first=1.0)
-VERB = {
-    "push": dict(fingers=(1, 0.1, -0.3), palm=(0.0, 0, -1), z=0.03, gap=0.02, shift=(0, 0, 0)),
-    "pull": dict(fingers=(1, 0.1, -1), palm=(-1, 0, -1), z=0.025, gap=0.02, shift=(0, 0, 0)),
-    "slide": dict(fingers=(1, 0.3, -0.2), palm=(0, 1, 0), z=0.035, gap=0.02, shift=(-0.005, 0, 0)),
+try:
+    import mink
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(
+        "scripted demonstrations need mink: pip install 'lerobot_policy_owlxt5[scripted]'"
+    ) from error
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Grip:
+    """How a hand is held while it moves an object: directions for the right arm; the left one mirrors y.
+
+    An arm has only five joints: the place of the fingertips is kept, the directions as well as they can be.
+
+    Attributes:
+        fingers: Where the fingers point, world frame.
+        palm: Where the palm looks, world frame; what is not square to `fingers` is ignored.
+        height: Of the fingertips over the table, metres.
+        shift: How far the fingertips pass in front of (+x) the object's middle, metres.
+    """
+
+    fingers: tuple[float, float, float]
+    palm: tuple[float, float, float]
+    height: float
+    shift: float = 0.0
+
+
+_GRIPS = {
+    "push": Grip(fingers=(1, 0.05, -0.3), palm=(0, 1, -1), height=0.03),
+    # Steep fingers: the thumb, which points where the palm looks, must stay above the object.
+    "pull": Grip(fingers=(1, 0.3, -1.2), palm=(-1, 0, -1), height=0.025),
+    # Beyond the object's middle, so that the thumb, nearer to the wrist, does not touch it.
+    "slide": Grip(fingers=(1, 0.15, -0.2), palm=(0, 1, 0), height=0.035, shift=0.01),
 }
 
+# Metres. The middle between the tips of both fingers stands for the hand.
+_GAP = 0.03  # from the fingertips to the object's near side, before the stroke
+_STROKE = 0.085  # the object follows over some 60 mm of it
+_RETREAT = 0.02  # back along the stroke, so that lifting does not drag the object along
+_LIFT = 0.07  # from the height of the stroke to clear other objects
+_TOLERANCE = 0.015  # error of the fingertips at both ends of the stroke
+_MIDDLE = 0.07  # an object farther from the robot's middle is on the left or right side
 
-def _tips(model, side, s):
-    body = model.body(f"{side}_palm_11")
-    ends = []
-    for g in range(body.geomadr[0], body.geomadr[0] + body.geomnum[0]):
-        R = np.zeros(9)
-        mujoco.mju_quat2Mat(R, model.geom_quat[g])
-        ax = R.reshape(3, 3)[:, 2] * model.geom_size[g][1]
-        ends += [model.geom_pos[g] + ax, model.geom_pos[g] - ax]
-    ends.sort(key=lambda e: e[2] * s)
-    return (ends[0] + ends[1]) / 2
+_SPEED = 0.11  # of the fingertips, mean over a leg, metres per second
+_RISE_SECONDS, _TURN_SECONDS = 0.7, 1.5  # at least: wrists turn slower than fingertips travel
+_JOINT_SPEED_DEG = 60.0  # a second; also the order of CLANT's own speeds
+_SWING_DEG, _SWING_STEPS = 30.0, 20  # the idle arm's shoulder turns outwards where the other arm reaches over
+
+_ORIENTATION_COST = 0.02  # metres of distance that weigh as much as one radian of orientation
+_DAMPING = 1e-4
+_SUBSTEPS = 5  # of the inverse kinematics per row
 
 
-def plan(action: Action, position, debug=False):
-    model = build_model(())
-    verb = action.verb.split("-")[0]
-    cfg = VERB[verb] | CFG
-    d = np.array([*action.direction, 0.0])
-    right = d[1] > 0 if verb == "slide" else position[1] < cfg["reachover"]
-    s = 1.0 if right else -1.0
-    side = "right" if right else "left"
-    tool = _tips(model, side, s)
-    f = np.array(cfg["fingers"], float) * [1, s, 1]
-    p = np.array(cfg["palm"], float) * [1, s, 1]
-    f /= np.linalg.norm(f)
-    p -= f * (f @ p)
-    p /= np.linalg.norm(p)
-    z = -s * f  # local z axis
-    R = np.stack([np.cross(p, z), p, z], axis=1)
-    body = side + "_palm_11"
-    conf = mink.Configuration(model)
-    lim = [
-        mink.ConfigurationLimit(model),
-        mink.VelocityLimit(model, {n: np.deg2rad(60.0) for n in JOINT_NAMES}),
-    ]
-    q = np.clip(np.deg2rad(INITIAL_POSE_DEG), model.jnt_range[:, 0], model.jnt_range[:, 1])
-    qadr = [model.joint(n).qposadr[0] for n in JOINT_NAMES]
-    q0 = np.zeros(model.nq)
-    q0[qadr] = q
-    conf.update(q0)
-    T = conf.get_transform_frame_to_world(body, "body")
-    hand = T.apply(tool)
-    goal = np.array([*position, TABLE_HEIGHT + cfg["z"]]) + np.array(cfg["shift"]) * [1, s, 1]
-    start = goal - d * (CUBE_HALF_WIDTH + 0.009 + cfg["gap"])
-    end = start + d * (cfg["gap"] + cfg["travel"])
-    up = np.array([0, 0, cfg["lift"]])
-    back = end - d * cfg["back"]
-    pts = [hand, np.array([*hand[:2], (start + up)[2]]), start + up, start, end, back, back + up]
-    orient = mink.FrameTask(body, "body", 0.0, cfg["oc"])
-    where = mink.FrameTask(body, "body", 1.0, 0.0)
-    orient.set_target(mink.SE3.from_rotation(mink.SO3.from_matrix(R)))
-    rows = [INITIAL_POSE_DEG]
-    errs = []
-    sub = 0
+class OutOfReachError(ValueError):
+    """The arm cannot bring its fingertips to the object."""
 
-    def track(point):
-        nonlocal sub
-        R_now = conf.get_transform_frame_to_world(body, "body").rotation()
-        where.set_target(mink.SE3.from_translation(point - R_now.apply(tool)))
-        v = mink.solve_ik(conf, [where, orient], DT, solver="daqp", damping=1e-4, limits=lim)
-        conf.integrate_inplace(v, DT)
-        errs.append(np.linalg.norm(conf.get_transform_frame_to_world(body, "body").apply(tool) - point))
-        sub += 1
-        if sub % round(1 / DT / CONTROL_HZ) == 0:
-            rows.append(np.rad2deg(conf.q[qadr]))
 
-    marks = []
-    for i, (a, b) in enumerate(zip(pts, pts[1:])):
-        sec = 1.5 * np.linalg.norm(b - a) / cfg["speed"]
-        if i == 0:
-            sec = max(sec, cfg["first"])
-        n = int(np.ceil(sec / DT))
-        for k in range(1, n + 1):
-            t = k / n
-            t = t * t * (3 - 2 * t)
-            track(a + (b - a) * t)
-        Rn = conf.get_transform_frame_to_world(body, "body").rotation().as_matrix()
-        marks.append((len(rows), errs[-1], -s * Rn[:, 2], Rn[:, 1]))
-    if debug:
-        for mk in marks:
-            print("  ", mk)
-    rows += [rows[-1]] * max(0, 40 - len(rows))
-    return np.array(rows)
+class _Arm:
+    """Inverse kinematics of one arm: the pose of its fingertips in, joint angles of the whole robot out."""
+
+    def __init__(self, side: str) -> None:
+        model = build_model(())
+        self._body = f"{side}_palm_11"
+        self._columns = [model.joint(name).qposadr[0] for name in JOINT_NAMES]
+        # CLANT's first row lies a hundredth of a degree beyond the elbows' limits.
+        start = np.empty(model.nq)
+        start[self._columns] = np.deg2rad(INITIAL_POSE_DEG)
+        self._configuration = mink.Configuration(model, np.clip(start, *model.jnt_range.T))
+        self._task = mink.FrameTask(self._body, "body", 1.0, _ORIENTATION_COST)
+        speeds = dict.fromkeys(JOINT_NAMES, float(np.deg2rad(_JOINT_SPEED_DEG)))
+        self._limits = [mink.ConfigurationLimit(model), mink.VelocityLimit(model, speeds)]
+        self._fingers = np.array([0.0, 0.0, -1.0 if side == "right" else 1.0])
+        self._tip = self._fingertips(model)
+
+    def _fingertips(self, model: mujoco.MjModel) -> Vector:
+        """Middle between the tips of the two fingers, palm's frame, metres."""
+        body = model.body(self._body)
+        ends = []
+        for geom in range(body.geomadr[0], body.geomadr[0] + body.geomnum[0]):
+            half = np.zeros(3)
+            mujoco.mju_rotVecQuat(half, np.array([0, 0, model.geom_size[geom, 1]]), model.geom_quat[geom])
+            ends += [model.geom_pos[geom] + half, model.geom_pos[geom] - half]
+        return np.mean(sorted(ends, key=lambda end: end @ self._fingers)[-2:], axis=0)
+
+    @property
+    def _palm(self) -> mink.SE3:
+        return self._configuration.get_transform_frame_to_world(self._body, "body")
+
+    @property
+    def orientation(self) -> mink.SO3:
+        """Orientation of the palm in the world."""
+        return self._palm.rotation()
+
+    @property
+    def fingertips(self) -> Vector:
+        """Place of the fingertips in the world, shape (3,), metres."""
+        return self._palm.apply(self._tip)
+
+    def hold(self, grip: Grip) -> mink.SO3:
+        """Orientation of the palm that a grip wishes for."""
+        mirror = np.array([1.0, -self._fingers[2], 1.0])
+        back = np.array(grip.fingers) * mirror * self._fingers[2]  # the palm's z
+        back /= np.linalg.norm(back)
+        across = np.cross(np.array(grip.palm) * mirror, back)  # its x; its y is where the palm looks
+        across /= np.linalg.norm(across)
+        return mink.SO3.from_matrix(np.stack([across, np.cross(back, across), back], axis=1))
+
+    def reach(self, fingertips: Vector, orientation: mink.SO3, seconds: float = 0.0) -> list[Vector]:
+        """Go to a place in a straight line that begins and ends at rest.
+
+        Args:
+            fingertips: Where the fingertips go, shape (3,), metres, world frame.
+            orientation: Of the palm in the world; the hand turns to it as fast as its joints may.
+            seconds: Least duration.
+
+        Returns:
+            Joint angles, one row of shape (10,) per control period, degrees.
+        """
+        start = self.fingertips
+        way = fingertips - start
+        periods = int(np.ceil(max(seconds, float(np.linalg.norm(way)) / _SPEED) * CONTROL_HZ))
+        rows = []
+        for step, share in enumerate(_ease(periods * _SUBSTEPS), start=1):
+            self._follow(start + share * way, orientation)
+            if step % _SUBSTEPS == 0:
+                rows.append(np.rad2deg(self._configuration.q[self._columns]))
+        return rows
+
+    def _follow(self, fingertips: Vector, orientation: mink.SO3) -> None:
+        """One substep of inverse kinematics towards a pose."""
+        # The palm's place follows from its present orientation, not from the desired one, which five joints
+        # cannot reach: so the fingertips, not the wrist, come to where they shall be.
+        palm = fingertips - self.orientation.apply(self._tip)
+        self._task.set_target(mink.SE3.from_rotation_and_translation(orientation, palm))
+        dt = 1 / (CONTROL_HZ * _SUBSTEPS)
+        velocity = mink.solve_ik(
+            self._configuration, [self._task], dt, "daqp", damping=_DAMPING, limits=self._limits
+        )
+        self._configuration.integrate_inplace(velocity, dt)
+
+
+def _ease(steps: int) -> Vector:
+    """Shares, up to 1, of a way that begins and ends at rest, after each of `steps` equal times; (steps,)."""
+    time = np.arange(1, steps + 1) / steps
+    return time**2 * (3 - 2 * time)
+
+
+def plan(action: Action, position: tuple[float, float]) -> NDArray[np.float64]:
+    """Joint trajectory that moves the object at `position` in the direction of `action`.
+
+    Slides use the arm that sweeps inwards, pushes and pulls the one on the object's side (in the middle the
+    right one), as CLANT does. The action's slot plays no part. The same arguments give the same numbers.
+
+    Args:
+        action: What to do.
+        position: Middle of the object (x, y), world frame, metres.
+
+    Returns:
+        Joint targets, shape (T, 10), float64, degrees, in the order of `robot.JOINT_NAMES`, `CONTROL_HZ` rows
+        a second. The first row is `robot.INITIAL_POSE_DEG`; T lies between 40 and 85, like CLANT's.
+
+    Raises:
+        OutOfReachError: If the fingertips cannot make the stroke at this place.
+    """
+    side = 0 if abs(position[1]) <= _MIDDLE else int(np.sign(position[1]))  # 1 left, -1 right
+    acting = "left" if (action.direction[1] or -side) < 0 else "right"
+    arm = _Arm(acting)
+    grip = _GRIPS[action.verb.split("-")[0]]
+    held = arm.hold(grip)
+
+    direction = np.array([*action.direction, 0.0])
+    up = np.array([0.0, 0.0, _LIFT])
+    place = np.array([position[0] + grip.shift, position[1], TABLE_HEIGHT + grip.height])
+    begin = place - direction * (CUBE_HALF_WIDTH + _GAP)
+    end = begin + direction * _STROKE
+    after = end - direction * _RETREAT
+
+    # Straight up first, the hand as it is: in the initial pose the fingers are close to the objects.
+    risen = np.array([*arm.fingertips[:2], (begin + up)[2]])
+    rows = arm.reach(risen, arm.orientation, _RISE_SECONDS) + arm.reach(begin + up, held, _TURN_SECONDS)
+    for goal in (begin, end):
+        rows += arm.reach(goal, held)
+        if (miss := float(np.linalg.norm(arm.fingertips - goal))) > _TOLERANCE:
+            raise OutOfReachError(
+                f"{action.name} at x {position[0]:.3f} m, y {position[1]:.3f} m: the {acting} hand stays "
+                f"{miss * 100:.1f} cm away from its place beside the object; put it nearer to a slot"
+            )
+    rows += arm.reach(after, held) + arm.reach(after + up, held)
+
+    trajectory = np.array([INITIAL_POSE_DEG, *rows])
+    idle = "right" if acting == "left" else "left"
+    if side == (1 if idle == "left" else -1):
+        swing = np.concatenate([_ease(_SWING_STEPS), np.ones(len(rows) - _SWING_STEPS)])
+        trajectory[1:, JOINT_NAMES.index(f"{idle[0]}_shoulder_z")] += side * _SWING_DEG * swing
+    return trajectory

@@ -8,7 +8,7 @@ The release is a folder of text files. Two index files have one line per sample,
 
 Sample 7 of the train split is spread over four more files:
 
-- `behavior_train/target0007.txt`: one row per frame, ten joint angles in degrees (order: `JOINTS`);
+- `behavior_train/target0007.txt`: one row per frame, ten joint angles in degrees (`robot.JOINT_NAMES`);
 - `language_train/target0007.txt`: four wordings of the command, the canonical one first;
 - `translate_train/target0007.txt` and `translate_target_train/target0007.txt`: an English sentence and its
   German translation.
@@ -25,20 +25,17 @@ from pathlib import Path
 from typing import Literal, NamedTuple, cast
 
 import numpy as np
+from nico_tabletop.objects import SUITES
+from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES
+from nico_tabletop.tasks import find_action
 from numpy.typing import NDArray
+
+from .wordings import wordings
 
 Split = Literal["train", "test"]
 Arrangement = tuple[str, str, str]
 
-JOINTS = tuple(
-    f"{side}_{joint}"
-    for side in "rl"
-    for joint in ("shoulder_z", "shoulder_y", "arm_x", "elbow_y", "wrist_z")
-)
-"""Names of the ten columns of a behavior file. The release does not name them; forward kinematics tells."""
-
-START_POSE = np.array([0, -20, 0, -100, 0, 0, 20, 0, 100, 0], dtype=np.float64)
-"""First row of every trajectory, degrees: elbows back, forearms level over the table."""
+_CUBES = {cube.name: cube for cube in SUITES["clant"]}
 
 FRAMES = {
     "PUSH-L": 60,
@@ -56,27 +53,11 @@ FRAMES = {
 }
 """The twelve actions, `<verb>-<slot>` or `SLIDE-<slot>-<direction>`, and the length of their trajectories."""
 
-VERBS = {
-    "PUSH": ("push", "move-up"),
-    "PULL": ("pull", "move-down"),
-    "SLIDE-L": ("slide-to-left", "move-sideways-to-left"),
-    "SLIDE-R": ("slide-to-right", "move-sideways-to-right"),
-}
-COLOURS = {
-    "red": ("red", "scarlet"),
-    "green": ("green", "harlequin"),
-    "blue": ("blue", "azure"),
-    "yellow": ("yellow", "blonde"),
-    "cyan": ("cyan", "greenish-blue"),
-    "violet": ("violet", "purple"),
-}
-
 ACTIONS_FILE = "actionstcnoexc.txt"
 ARRANGEMENTS_FILE = "arrangementstcnoexc.txt"
 SPLITS: tuple[Split, Split] = ("train", "test")
 KINDS = ("behavior", "language", "translate", "translate_target")
 
-_SLOTS = "LMR"
 _MAX_ANGLE = 180.0  # degrees; no joint of NICO turns further, so more is a wrong unit or a damaged number
 _MAX_SHOWN = 10
 _DELETED_LETTERS = re.compile("[äöüÄÖÜß]")
@@ -98,7 +79,7 @@ class Sample:
         action: One of the keys of `FRAMES`, e.g. `SLIDE-L-R`.
         split: The authors' split.
         arrangement: Colours of the cubes on the left, middle and right slot, as the robot sees them.
-        joints: Joint angles as written, degrees, float64 (T, 10), columns as in `JOINTS`; read-only.
+        joints: Joint angles as written, degrees, float64 (T, 10), columns as in `robot.JOINT_NAMES`; read-only.
         texts: The four accepted wordings of the command; the first is the canonical one.
         english: Sentence to translate; it has nothing to do with the action.
         german: Its translation, as written (see `release_quirks`).
@@ -112,11 +93,6 @@ class Sample:
     texts: tuple[str, ...]
     english: str
     german: str
-
-    @property
-    def target(self) -> str:
-        """Colour of the cube that the action moves."""
-        return _target(self.action, self.arrangement)
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,8 +251,8 @@ class _Reader:
     def _arrangement(self, line: int, text: str) -> Arrangement:
         colours = text.strip().split("+")
         for colour in colours:
-            if colour not in COLOURS:
-                known = ", ".join(COLOURS)
+            if colour not in _CUBES:
+                known = ", ".join(_CUBES)
                 self.problem(ARRANGEMENTS_FILE, f"unknown colour {colour!r}; known: {known}", line)
         if len(colours) != 3 or len(set(colours)) != 3:
             self.problem(ARRANGEMENTS_FILE, f"expected three different colours, found {text.strip()!r}", line)
@@ -320,20 +296,20 @@ class _Reader:
         before = len(self.problems)
         rows = [self._row(file, line, text) for line, text in enumerate(self.lines(file), 1)]
         if len(self.problems) > before:
-            return np.empty((0, len(JOINTS)))
+            return np.empty((0, len(JOINT_NAMES)))
         if len(rows) != FRAMES[action]:
             self.problem(file, f"{len(rows)} rows, but {action} has {FRAMES[action]}")
         joints = np.array(rows) + 0.0  # turns the release's -0.0 into 0.0
-        if not np.array_equal(joints[:1], START_POSE[None]):
-            pose = " ".join(f"{angle:g}" for angle in START_POSE)
+        if not np.array_equal(joints[:1], INITIAL_POSE_DEG[None]):
+            pose = " ".join(f"{angle:g}" for angle in INITIAL_POSE_DEG)
             self.problem(file, f"the first row is not the start pose {pose}", 1)
         joints.flags.writeable = False
         return joints
 
     def _row(self, file: str, line: int, text: str) -> list[float]:
         words = text.split()
-        if len(words) != len(JOINTS):
-            self.problem(file, f"{len(words)} joint angles instead of {len(JOINTS)}", line)
+        if len(words) != len(JOINT_NAMES):
+            self.problem(file, f"{len(words)} joint angles instead of {len(JOINT_NAMES)}", line)
         row = []
         for column, word in enumerate(words, 1):
             try:
@@ -374,7 +350,7 @@ class _Reader:
             if not whole:
                 continue
             [(usual, _)] = Counter(sample.joints.tobytes() for sample in whole).most_common(1)
-            expected = np.frombuffer(usual).reshape(frames, len(JOINTS))
+            expected = np.frombuffer(usual).reshape(frames, len(JOINT_NAMES))
             for sample in whole:
                 rows = np.flatnonzero((sample.joints != expected).any(axis=1))
                 if rows.size:
@@ -386,12 +362,6 @@ def _name(number: int) -> str:
     return f"target{number:04d}.txt"
 
 
-def _target(action: str, arrangement: Arrangement) -> str:
-    return arrangement[_SLOTS.index(action.split("-")[1])]
-
-
 def _wordings(action: str, arrangement: Arrangement) -> tuple[str, ...]:
-    """The four wordings in the release's order: the verbs change fastest, canonical words come first."""
-    verb, _, *direction = action.split("-")
-    verbs = VERBS["-".join([verb, *direction])]
-    return tuple(f"{verb} {colour}" for colour in COLOURS[_target(action, arrangement)] for verb in verbs)
+    task = find_action(action)
+    return wordings(task, _CUBES[arrangement[task.slot]])

@@ -22,8 +22,8 @@ class TabletopEnvConfig(EnvConfig):
     """What both suites share.
 
     Attributes:
-        task: CLANT's action names, separated by commas, such as `PUSH-L,SLIDE-M-R`; all twelve when unset. The
-            task id of an action is its place in CLANT's order, whatever is chosen.
+        task: CLANT's action names, separated by commas, such as `PUSH-L,SLIDE-M-R`; all twelve when unset.
+            The task id of an action is its place in CLANT's order, whatever is chosen.
         observation_height: Rows of the eyes' picture.
         observation_width: Columns of the eyes' picture.
     """

@@ -45,11 +45,11 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         agent_pos: float32 (10,), measured joint angles, degrees.
         objects: float32 (84,), *ground truth* for upper bounds, see `describe_objects`.
 
-    Action: float32 (10,), joint targets in degrees, one per 0.1 s, in the order of `robot.JOINT_NAMES`. Targets
-    beyond the joint limits are clipped; NaN and infinity raise `JointTargetError`.
+    Action: float32 (10,), joint targets in degrees, one per 0.1 s, in the order of `robot.JOINT_NAMES`.
+    Targets beyond the joint limits are clipped; NaN and infinity raise `JointTargetError`.
 
-    An episode ends after `EPISODE_STEPS` steps. Then `info` has `is_success` and `outcome`, and the reward is 1
-    for a perfect, 0.5 for a successful outcome.
+    An episode ends after `EPISODE_STEPS` steps. Then `info` has `is_success` and `outcome`, and the reward
+    is 1 for a perfect, 0.5 for a successful outcome.
 
     `reset(options={"arrangement": (left, middle, right)})` names the objects instead of drawing them.
     """

@@ -14,9 +14,10 @@ def text(*numbers: float) -> str:
 
 def shape(body: Element, kind: str, size: tuple[float, ...], pos: tuple[float, ...], **more: str) -> None:
     """Add a primitive geom: `size` and `pos` in metres, in the body's frame."""
-    SubElement(body, "geom", type=kind, size=text(*size), pos=text(*pos), **more)
+    SubElement(body, "geom", {"type": kind, "size": text(*size), "pos": text(*pos)} | more)
 
 
 def rod(body: Element, start: ArrayLike, end: ArrayLike, radius: float, **more: str) -> None:
     """Add a capsule from `start` to `end`, metres, in the body's frame."""
-    SubElement(body, "geom", type="capsule", fromto=text(*np.ravel([start, end])), size=text(radius), **more)
+    ends = text(*np.ravel([start, end]))
+    SubElement(body, "geom", {"type": "capsule", "fromto": ends, "size": text(radius)} | more)

@@ -34,17 +34,18 @@ EYES = "eyes"
 
 HEAD_PITCH_DEG = 57.0
 """How far the head looks down (our decision: the whole workspace is in view)."""
-WRIST_TILT_DEG = 10.0
+WRIST_TILT_DEG = 10.19
 """Bend of the wrist joint that CLANT does not record, degrees.
 
-This and the hand's shape below were found by search: with them, the slots and the table of `scene`, all twelve
-original trajectories move their object as they should, also when it stands 2 mm off (our decision).
+This and the hand's shape below were found by search, together with the slots and the table of `scene`: with
+them all twelve original trajectories are perfect; so are 118 of 120 replays with objects up to 2 mm off
+and each joint off by a random 0.4 degrees (our decision).
 """
-_FINGER_X = (0.0, -0.0354)  # index finger and ring finger, across the palm, metres
-_FINGER_LENGTHS = (0.0316, 0.037)  # of the two segments, metres
-_FINGER_CURL_DEG = (4.2, 36.4)  # of each segment against the one before
-_FINGER_RADIUS = 0.009
-_THUMB = ((-0.018, 0.012, -0.01), (-0.018, 0.034, -0.025), (-0.018, 0.045, -0.0505))
+_FINGER_X = (-0.001837, -0.04819)  # index finger and ring finger, across the palm, metres
+_FINGER_LENGTHS = (0.03185, 0.03579)  # of the two segments, metres
+_FINGER_CURL_DEG = (10.6, 30.7)  # of each segment against the one before
+_FINGER_RADIUS = 0.008649
+_THUMB = ((-0.018, 0.012, -0.01), (-0.018, 0.040515, -0.025), (-0.018, 0.05402, -0.03111))
 
 
 @cache
@@ -127,14 +128,14 @@ def _dress(bodies: dict[str, Element]) -> None:
     middle = -0.023  # the head's own frame lies beside its middle
     shape(head, "ellipsoid", (0.085, 0.082, 0.098), (0.01, middle, 0.095), material="shell")
     shape(head, "ellipsoid", (0.02, 0.032, 0.004), (0.078, middle, 0.045), material="mouth", euler="0 -0.5 0")
-    for side in (1, -1):
-        shape(head, "sphere", (0.022,), (0.068, middle + side * 0.034, 0.11), material="eye")
-        shape(head, "sphere", (0.011,), (0.0815, middle + side * 0.035, 0.111), material="pupil")
+    for left in (1, -1):
+        shape(head, "sphere", (0.022,), (0.068, middle + left * 0.034, 0.11), material="eye")
+        shape(head, "sphere", (0.011,), (0.0815, middle + left * 0.035, 0.111), material="pupil")
         shape(
             head,
             "cylinder",
             (0.026, 0.006),
-            (0.0, middle + side * 0.082, 0.1),
+            (0.0, middle + left * 0.082, 0.1),
             material="grey",
             euler="1.571 0 0",
         )

@@ -9,9 +9,9 @@ from .mjcf import text
 from .objects import CUBE_HALF_WIDTH, TabletopObject, add_object
 from .robot import add_robot
 
-TABLE_HEIGHT = 0.485
+TABLE_HEIGHT = 0.4891
 """Height of the table's surface, metres."""
-SLOT_XY: tuple[tuple[float, float], ...] = ((0.3102, 0.1516), (0.3443, 0.0033), (0.3235, -0.1476))
+SLOT_XY: tuple[tuple[float, float], ...] = ((0.317, 0.1539), (0.3468, 0.0024), (0.3232, -0.1549))
 """Middle of the left, middle and right slot, metres, x forward and y to the robot's left."""
 SPECTATOR = "spectator"
 """Camera that looks at robot and table from outside, for videos."""
@@ -35,18 +35,20 @@ _BASE = """
       <position kp="400" kv="6"/>
     </default>
     <default class="hand">
-      <geom contype="2" conaffinity="4" density="0" friction="0.88 0.005 0.0001"/>
+      <geom contype="2" conaffinity="4" density="0" friction="0.7795 0.005 0.0001"/>
     </default>
     <default class="solid">
-      <geom contype="4" conaffinity="15" friction="0.6 0.005 0.0001" group="3"/>
+      <geom contype="4" conaffinity="15" friction="0.9854 0.005 0.0001" group="3"/>
     </default>
     <default class="seen">
       <geom contype="0" conaffinity="0" density="0"/>
     </default>
   </default>
   <asset>
-    <texture name="sky" type="skybox" builtin="gradient" rgb1="0.86 0.88 0.9" rgb2="0.6 0.65 0.7" width="64" height="384"/>
-    <texture name="wood" type="2d" builtin="flat" rgb1="0.72 0.6 0.46" mark="random" markrgb="0.66 0.54 0.4" random="0.35" width="256" height="256"/>
+    <texture name="sky" type="skybox" builtin="gradient" rgb1="0.86 0.88 0.9" rgb2="0.6 0.65 0.7"
+             width="64" height="384"/>
+    <texture name="wood" type="2d" builtin="flat" rgb1="0.72 0.6 0.46" mark="random" markrgb="0.66 0.54 0.4"
+             random="0.35" width="256" height="256"/>
     <material name="wood" texture="wood" texrepeat="3 3" specular="0.1"/>
     <material name="shell" rgba="0.95 0.95 0.93 1" specular="0.4"/>
     <material name="grey" rgba="0.42 0.44 0.48 1" specular="0.3"/>
@@ -74,7 +76,7 @@ def build_model(objects: tuple[TabletopObject, ...]) -> mujoco.MjModel:
     asset, worldbody, actuator = (next(root.iter(tag)) for tag in ("asset", "worldbody", "actuator"))
     table = {"name": "table", "type": "box", "material": "wood", "contype": "8", "conaffinity": "4"}
     place = {"size": text(*_TABLE), "pos": text(0.42, 0, TABLE_HEIGHT - _TABLE[2])}
-    SubElement(worldbody, "geom", table | place | {"friction": "0.57 0.005 0.0001"})
+    SubElement(worldbody, "geom", table | place | {"friction": "0.9854 0.005 0.0001"})
     SubElement(
         worldbody,
         "camera",

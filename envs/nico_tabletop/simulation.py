@@ -21,7 +21,7 @@ class JointTargetError(ValueError):
 
 
 def _within_limits(target_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Joint targets in radians, clipped. CLANT's own first row lies 0.02 degrees beyond the elbows' limits."""
+    """Joint targets in radians, clipped: CLANT's first row lies 0.02 degrees beyond the elbows' limits."""
     limits = joint_limits_deg()
     return np.deg2rad(np.clip(target_deg, limits[:, 0], limits[:, 1]))
 

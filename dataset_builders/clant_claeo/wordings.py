@@ -1,0 +1,10 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The commands that mean one action on one object."""
+
+from nico_tabletop.objects import TabletopObject
+from nico_tabletop.tasks import Action
+
+
+def wordings(action: Action, target: TabletopObject) -> tuple[str, ...]:
+    """The four accepted commands in the release's order: canonical words first, the verb changes fastest."""
+    return tuple(f"{verb} {noun}" for noun in (target.name, target.synonym) for verb in action.verbs)

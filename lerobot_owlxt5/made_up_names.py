@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Made-up names of objects, for a language model that is trained along.
+
+A pretrained T5 knows that "ball" is a name as "red" is one. A T5 that begins with random weights knows the
+few names of its training data alone, and any other name would disturb it. Where the object is comes from the
+detector, and what to call it stands in the prompt: so any name may take the place of the true one, and the
+model learns to move whatever the name is and to repeat names that it never saw. This is our addition to the
+paper.
+"""
+
+import torch
+
+from .commands import parse_command, plain
+
+# Share of the samples whose object gets a made-up name.
+SHARE = 0.5
+_MOST_WORDS = 3
+# Too long for an article, which a command would lose.
+_SHORTEST_WORD, _LONGEST_WORD = 4, 7
+
+
+def draw_name() -> str:
+    """Draw one to three words of random letters from PyTorch's generator."""
+    lengths = torch.randint(_SHORTEST_WORD, _LONGEST_WORD + 1, (int(torch.randint(1, _MOST_WORDS + 1, ())),))
+    letters = torch.randint(ord("a"), ord("z") + 1, (int(lengths.sum()),)).tolist()
+    characters = iter(map(chr, letters))
+    return " ".join("".join(next(characters) for _ in range(length)) for length in lengths.tolist())
+
+
+def rename_object(text: str, name: str) -> str:
+    """Put another name in place of a command's object; a text without a known verb stays as it is."""
+    command = parse_command(text)
+    if command.verb is None:
+        return text
+    before, _, after = plain(text).rpartition(command.object)
+    return f"{before}{name}{after}"

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+from pathlib import Path
+
+import pytest
+import torch
+from policy_helpers import EYES, make_config, make_dataset, make_owlv2, make_policy, make_t5, observe
+from torch.nn.functional import cross_entropy
+from transformers import AutoModelForSeq2SeqLM, AutoTokenizer
+
+from lerobot_owlxt5 import backbones
+from lerobot_owlxt5.detection import Owlv2Detector
+from lerobot_owlxt5.language import SplitT5
+
+CPU = torch.device("cpu")
+TEXTS = ["push red", "", "slide to left greenish blue"]
+
+
+@pytest.fixture(scope="module")
+def t5(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_t5(tmp_path_factory.mktemp("t5"))
+
+
+@pytest.mark.parametrize("text", ["push red", "Grüße aus Łódź: 日本", "execute: slide to left wine bottle"])
+def test_the_tokenizer_spells_any_text(t5: Path, text: str) -> None:
+    tokenizer = AutoTokenizer.from_pretrained(t5)
+    tokens = tokenizer(text)["input_ids"]
+    assert tokens[-1] == tokenizer.eos_token_id
+    assert tokenizer.unk_token_id not in tokens
+    assert tokenizer.decode(tokens, skip_special_tokens=True).strip() == text
+
+
+def test_the_tokenizer_fits_the_dataset(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "data", episodes=2)
+    tokenizer = AutoTokenizer.from_pretrained(make_t5(tmp_path / "t5", dataset.root))
+    assert len(tokenizer("Translate English to German: The Commission met 1 times.")["input_ids"]) < 20
+
+
+def test_the_command_says_what_to_do_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "t5"
+    monkeypatch.setattr("sys.argv", ["backbones", f"--output_dir={folder}", "--d_model=32", "--num_layers=1"])
+    backbones.main()
+    assert f"--policy.language_model={folder}" in capsys.readouterr().out
+    assert AutoModelForSeq2SeqLM.from_pretrained(folder, use_safetensors=True).config.d_model == 32
+    monkeypatch.setattr("sys.argv", ["backbones", f"--output_dir={folder}", f"--dataset_root={tmp_path}"])
+    with pytest.raises(SystemExit, match="holds no LeRobotDataset"):
+        backbones.main()
+
+
+def test_the_split_model_computes_what_t5_computes(t5: Path) -> None:
+    language, whole = SplitT5(str(t5)), AutoModelForSeq2SeqLM.from_pretrained(t5).eval()
+    prompts = ["execute: push red", "describe:", "repeat action:"]
+    encoding, mask = language.encode(prompts, CPU)
+    losses = language.text_loss(encoding, mask, TEXTS)
+    for prompt, text, loss in zip(prompts, TEXTS, losses, strict=True):
+        labels = language.tokenizer(text, return_tensors="pt")["input_ids"]
+        output = whole(**language.tokenizer(prompt, return_tensors="pt"), labels=labels)
+        assert loss.item() == pytest.approx(cross_entropy(output.logits[0], labels[0]).item(), abs=1e-4)
+    texts = language.generate(encoding, mask, max_new_tokens=6)
+    tokens = whole.generate(**language.tokenizer(prompts[:1], return_tensors="pt"), max_new_tokens=6)
+    assert texts[0] == language.tokenizer.decode(tokens[0], skip_special_tokens=True).strip()
+
+
+def test_a_prompt_is_encoded_once(t5: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    language = SplitT5(str(t5))
+    encoded: list[str] = []
+    encode = language._encode
+    monkeypatch.setattr(
+        language, "_encode", lambda prompts, device: encoded.extend(prompts) or encode(prompts, device)
+    )
+    first = language.encode(["a", "b c", "a"], CPU)
+    again = language.encode(["a", "b c", "d"], CPU)
+    assert encoded == ["a", "b c", "d"]
+    assert torch.equal(first[0][1, : first[1][1].sum()], again[0][1, : again[1][1].sum()])
+    monkeypatch.setattr("lerobot_owlxt5.language.MAX_REMEMBERED", 3)
+    language.encode(["a", "e"], CPU)
+    assert encoded[3:] == ["a", "e"], "a full memory begins anew"
+
+
+def test_a_backbone_that_cannot_be_loaded_is_named(
+    t5: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_OFFLINE", True)
+    with pytest.raises(OSError, match=r"--policy.language_model=no/where .*lerobot_owlxt5.backbones"):
+        make_policy(Path("no/where"))
+    with pytest.raises(OSError, match=r"--policy.detector=no/where .*ground_truth"):
+        make_policy(t5, detector="no/where")
+    pickled = tmp_path / "pickled"
+    pickled.mkdir()
+    for path in t5.iterdir():
+        if path.suffix != ".safetensors":
+            (pickled / path.name).write_bytes(path.read_bytes())
+    torch.save({}, pickled / "pytorch_model.bin")
+    with pytest.raises(OSError, match=r"--policy\.language_model"):
+        make_policy(pickled)
+
+
+def test_models_of_the_real_sizes_run(tmp_path: Path) -> None:
+    """T5-small and OWLv2-base with random weights: 60 and 155 million parameters."""
+    small = backbones.SmallT5Config(
+        tmp_path / "t5", vocab_size=1024, d_model=512, d_kv=64, d_ff=2048, num_layers=6, num_heads=8
+    )
+    backbones.make_small_t5(small, backbones.collect_texts(None))
+    wide = {"hidden_size": 768, "intermediate_size": 3072, "num_hidden_layers": 12, "num_attention_heads": 12}
+    owlv2 = make_owlv2(tmp_path / "owlv2", **wide, image_size=960, patch_size=16)
+    config = make_config(tmp_path / "t5", detector=str(owlv2), score_threshold=0.0)
+    assert config.camera is None
+    detector = Owlv2Detector(str(owlv2), None, 0.0, EYES)
+    batch = observe(["push red"])
+    assert detector(batch, [["red"]]).centre.shape == (1, 1, 2)
+    language = SplitT5(str(tmp_path / "t5"))
+    assert language.encode(["execute: push red"], CPU)[0].shape[2] == 512

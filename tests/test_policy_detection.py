@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from policy_helpers import EYES, make_owlv2, observe
+
+from lerobot_owlxt5.detection import (
+    Detections,
+    GroundTruthDetector,
+    Owlv2Detector,
+    RememberedDetections,
+    to_image_coordinates,
+)
+
+
+@given(st.integers(1, 2000), st.integers(1, 2000), st.floats(0, 1), st.floats(0, 1))
+def test_image_coordinates_undo_the_padding(height: int, width: int, x: float, y: float) -> None:
+    side = max(height, width)
+    in_square = torch.tensor([x * width / side, y * height / side], dtype=torch.float64)
+    back = to_image_coordinates(in_square, height, width)
+    assert torch.allclose(back, torch.tensor([x, y], dtype=torch.float64))
+
+
+@pytest.fixture(scope="module")
+def owlv2(tmp_path_factory: pytest.TempPathFactory) -> Owlv2Detector:
+    return Owlv2Detector(str(make_owlv2(tmp_path_factory.mktemp("owlv2"))), None, 0.1, EYES)
+
+
+class BrightestPatch(torch.nn.Module):
+    """Stands in for OWLv2's network: its boxes are the patches, and a bright patch has a high score."""
+
+    def forward(self, pixel_values: torch.Tensor, input_ids: torch.Tensor, **_: Any) -> SimpleNamespace:
+        patches = 16
+        brightness = torch.nn.functional.adaptive_avg_pool2d(pixel_values.mean(1), patches).flatten(1)
+        middle = (torch.arange(patches) + 0.5) / patches
+        centre = torch.stack(torch.meshgrid(middle, middle, indexing="xy"), -1).view(1, -1, 2)
+        boxes = torch.cat([centre, torch.full_like(centre, 1 / patches)], -1).expand(
+            len(pixel_values), -1, -1
+        )
+        queries = len(input_ids) // len(pixel_values)
+        return SimpleNamespace(pred_boxes=boxes, logits=brightness[..., None].expand(-1, -1, queries) * 4 - 4)
+
+
+@pytest.mark.parametrize("size", [(64, 64), (64, 128), (128, 64)])
+def test_the_real_processor_and_the_box_maths_agree_on_images_of_any_shape(
+    owlv2: Owlv2Detector, size: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    height, width = size
+    monkeypatch.setattr(owlv2, "model", BrightestPatch())
+    images = torch.zeros(1, 3, height, width)
+    top, left = height // 2, 3 * width // 4
+    images[:, :, top : top + 8, left : left + 8] = 1.0
+    found = owlv2({EYES: images}, [["ball", "mug"]])
+    expected = torch.tensor([(left + 4) / width, (top + 4) / height])
+    assert torch.allclose(found.centre, expected.expand(1, 2, 2), atol=0.07)
+    assert (found.score > 0.1).all()
+
+
+def test_owlv2_runs_in_batches_and_finds_nothing_below_the_threshold(owlv2: Owlv2Detector) -> None:
+    batch = observe(["push red"] * 10)
+    names = [["red"]] * 10
+    one = Owlv2Detector.__call__(owlv2, {EYES: batch[EYES][3:4]}, names[:1])
+    every = owlv2(batch, names)
+    assert every.centre.shape == (10, 1, 2)
+    assert torch.allclose(every.score[3], one.score[0], atol=1e-5)
+    as_bytes = owlv2({EYES: (batch[EYES] * 255).round().byte()}, names)
+    assert torch.allclose(as_bytes.score, every.score, atol=1e-2)
+    owlv2.threshold, threshold = 1.1, owlv2.threshold
+    assert (owlv2(batch, names).score == 0).all()
+    owlv2.threshold = threshold
+
+
+def test_ground_truth_names() -> None:
+    objects = [["red", "mustard bottle", "empty wine bottle"]]
+    batch = observe(["-"], objects)
+    asked = ["red", "red cube", "mustard bottle", "wine bottle", "bottle", "ball", ""]
+    found = GroundTruthDetector()(batch, [asked])
+    assert found.score.tolist() == [[1, 1, 1, 1, 0, 0, 0]]
+    assert torch.allclose(found.centre[0, :4, 0], torch.tensor([0.2, 0.2, 0.5, 0.8]))
+
+
+def test_ground_truth_does_not_see_what_is_out_of_view() -> None:
+    batch = observe(["-"])
+    batch["observation.objects"][0, :4] = -1
+    assert GroundTruthDetector()(batch, [["red", "ball"]]).score.tolist() == [[0, 1]]
+
+
+def test_ground_truth_looks_at_the_step_it_is_told_to() -> None:
+    before, after = (
+        observe(["-"], [names])["observation.objects"] for names in (["red", "", ""], ["", "", "red"])
+    )
+    batch = {"observation.objects": torch.stack([before, after], dim=1)}
+    x = [GroundTruthDetector()(batch, [["red"]], step=step).centre[0, 0, 0].item() for step in (0, -1)]
+    assert x == pytest.approx([0.2, 0.8])
+
+
+def test_ground_truth_needs_the_simulator() -> None:
+    with pytest.raises(ValueError, match=r"observation.objects.*--policy.detector"):
+        GroundTruthDetector()({}, [["red"]])
+
+
+def test_each_episode_is_looked_at_once() -> None:
+    seen: list[int] = []
+
+    def detector(batch: dict[str, Any], names: Any, step: int = 0) -> Detections:
+        seen.append(len(names))
+        return Detections(batch["observation.x"].view(-1, 1, 1).expand(-1, 1, 2), torch.ones(len(names), 1))
+
+    remembered = RememberedDetections(detector)
+    batch = {"observation.x": torch.tensor([0.1, 0.2, 0.1]), "action": torch.zeros(3)}
+    batch["episode_index"] = torch.tensor([4, 7, 4])
+    for _ in range(2):
+        found = remembered(batch, ["red", "blue", "red"])
+        assert torch.allclose(found.centre[:, 0, 0], batch["observation.x"])
+    assert seen == [2]

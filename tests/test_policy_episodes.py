@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+from pathlib import Path
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from policy_helpers import HORIZON, make_dataset
+
+from lerobot_owlxt5.annotations import read_texts
+from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
+from lerobot_owlxt5.episodes import at_step, check_episode_lengths, positions_before, recover_actions
+
+
+@st.composite
+def windows(draw: st.DrawFn) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """An episode of 1 to L actions, and the window that LeRobot cuts around one of its frames."""
+    horizon = draw(st.integers(1, 20))
+    length = draw(st.integers(1, horizon))
+    frame = draw(st.integers(0, length - 1))
+    episode = torch.arange(length)[:, None] + torch.tensor([0.0, 100.0])
+    wanted = frame + torch.tensor(OWLxT5Config(max_episode_steps=horizon, device="cpu").action_delta_indices)
+    return episode, episode[wanted.clamp(0, length - 1)], (wanted < 0) | (wanted >= length)
+
+
+@given(windows())
+def test_the_episode_is_recovered_from_any_of_its_frames(window: tuple[torch.Tensor, ...]) -> None:
+    episode, actions, is_pad = window
+    recovered, length = recover_actions(actions[None], is_pad[None])
+    assert int(length) == len(episode)
+    assert recovered.shape[1] == (len(actions) + 1) // 2
+    assert torch.equal(recovered[0, : len(episode)], episode)
+    assert (recovered[0, len(episode) :] == episode[-1]).all()
+
+
+def test_positions_are_the_first_pose_and_then_each_target() -> None:
+    actions = torch.arange(6.0).view(1, 3, 2)
+    assert positions_before(torch.full((1, 2), 9.0), actions).tolist() == [[[9, 9], [0, 1], [2, 3]]]
+
+
+def test_a_step_is_taken_with_and_without_a_time_axis() -> None:
+    states = torch.arange(12.0).view(2, 3, 2)
+    assert torch.equal(at_step(states, -1, ndim=2), states[:, 2])
+    assert torch.equal(at_step(states[:, 0], -1, ndim=2), states[:, 0])
+
+
+def test_texts_are_read_from_the_dataset(tmp_path: Path) -> None:
+    meta = make_dataset(tmp_path / "data", episodes=2).meta
+    texts = read_texts(meta)
+    assert set(texts) == {0, 1}
+    assert texts[1].wordings[1].startswith("move-down ")
+    assert len(texts[1].wordings) == 4
+    assert texts[1].sentence == "The Commission met 1 times."
+    check_episode_lengths(meta, HORIZON)
+    with pytest.raises(ValueError, match=r"Episode 1 .* 9 steps.*--policy.max_episode_steps=9"):
+        check_episode_lengths(meta, 8)
+
+
+def test_a_dataset_without_texts_has_none(tmp_path: Path) -> None:
+    assert read_texts(make_dataset(tmp_path / "data", episodes=1, texts=False).meta) == {}

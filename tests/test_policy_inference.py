@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The policy on a robot, and the modes that speak."""
+
+from pathlib import Path
+
+import pytest
+import torch
+from lerobot.datasets import LeRobotDataset
+from policy_helpers import EYES, HORIZON, load_batch, make_dataset, make_owlv2, make_policy, make_t5, observe
+
+TASKS = ["push red", "Pull the ball!", "slide-to-left can", "dance wildly"]
+
+
+@pytest.fixture(scope="module")
+def t5(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_t5(tmp_path_factory.mktemp("t5"))
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
+    return make_dataset(tmp_path_factory.mktemp("dataset") / "data", episodes=3)
+
+
+def test_a_plan_is_made_once_and_its_last_action_held(t5: Path) -> None:
+    policy = make_policy(t5)
+    batch = observe(TASKS)
+    plan = policy.predict_action_chunk(batch)
+    assert plan.shape == (4, HORIZON, 10)
+    assert torch.isfinite(plan).all()
+    assert plan.abs().max() <= 1
+    policy.reset()
+    with torch.inference_mode():
+        actions = [policy.select_action(batch)]
+        # A camera that shows something else in the middle of an episode must change nothing.
+        actions += [policy.select_action(observe(TASKS, [["", "", ""]] * 4)) for _ in range(HORIZON + 2)]
+    assert torch.equal(torch.stack(actions[:HORIZON], dim=1), plan)
+    assert all(torch.equal(action, plan[:, -1]) for action in actions[HORIZON:])
+
+
+def test_what_cannot_be_done_is_said_and_not_guessed(t5: Path) -> None:
+    policy = make_policy(t5)
+    assert policy.say() == []
+    batch = observe(TASKS)
+    plan = policy.predict_action_chunk(batch)
+    assert policy.say() == [
+        "I pushed the red cube.",
+        "I pulled the ball.",
+        "I cannot see a can.",
+        "I do not know how to dance wildly.",
+    ]
+    held = (plan == batch["observation.state"][:, None]).all(dim=(1, 2))
+    assert held.tolist() == [False, False, True, True]
+    policy.reset()
+    assert policy.say() == []
+
+
+def test_a_trained_task_without_a_known_verb_is_carried_out(t5: Path) -> None:
+    policy = make_policy(t5, tasks=["dance wildly"])
+    batch = observe(["dance wildly"])
+    assert not torch.equal(policy.predict_action_chunk(batch)[:, 0], batch["observation.state"])
+    assert policy.say() == ["I did it."]
+
+
+def test_a_batch_acts_as_its_samples_do_alone(t5: Path) -> None:
+    policy = make_policy(t5)
+    batch = observe(TASKS)
+    together = policy.predict_action_chunk(batch)
+    for sample in range(len(TASKS)):
+        alone = policy.predict_action_chunk({key: value[sample : sample + 1] for key, value in batch.items()})
+        assert torch.allclose(together[sample], alone[0], atol=1e-6)
+
+
+def test_a_joint_outside_the_trained_range_is_no_trouble(t5: Path) -> None:
+    batch = observe(TASKS)
+    batch["observation.state"] *= 1e6
+    plan = make_policy(t5).predict_action_chunk(batch)
+    assert plan.abs().max() <= 1
+
+
+def test_the_plan_depends_on_where_the_object_is(t5: Path) -> None:
+    policy = make_policy(t5)
+    left, right = (
+        policy.predict_action_chunk(observe(["push red"], [names]))
+        for names in (["red", "a", "b"], ["a", "b", "red"])
+    )
+    assert not torch.allclose(left, right)
+
+
+def test_owlv2_that_sees_nothing_keeps_the_robot_still(t5: Path, tmp_path: Path) -> None:
+    policy = make_policy(t5, detector=str(make_owlv2(tmp_path)), score_threshold=1.0)
+    batch = observe(["push ball"])
+    assert torch.equal(policy.select_action(batch), batch["observation.state"])
+    assert policy.say() == ["I cannot see a ball."]
+
+
+def test_describe_asks_for_the_object_that_moved(
+    t5: Path, dataset: LeRobotDataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    policy = make_policy(t5, tasks=["push red", "push green", "push blue", "push cyan"])
+    asked: list[str] = []
+    encode = policy.language.encode
+    monkeypatch.setattr(
+        policy.language, "encode", lambda prompts, device: asked.extend(prompts) or encode(prompts, device)
+    )
+    batch = load_batch(dataset.root, [0, 10, 26], lambda batch: batch, observation=[1 - HORIZON, HORIZON - 1])
+    assert batch[EYES].ndim == 5
+    texts = policy.describe(batch)
+    assert asked == [f"describe: {task.split()[-1]}" for task in batch["task"]]
+    assert len(texts) == 3
+    batch["observation.objects"][:, 1] = batch["observation.objects"][:, 0]
+    assert policy.describe(batch) == ["nothing moved"] * 3
+    assert policy.describe(batch, labels=["mug"]) == ["nothing moved"] * 3
+
+
+def test_describe_needs_to_know_what_to_look_for(t5: Path) -> None:
+    policy = make_policy(t5)
+    batch = observe(["push red"]) | {
+        "action": torch.zeros(1, 2 * HORIZON - 1, 10),
+        "action_is_pad": torch.arange(2 * HORIZON - 1)[None] < HORIZON,
+    }
+    with pytest.raises(ValueError, match="labels"):
+        policy.describe(batch)
+
+
+def test_repeat_action_and_translate(t5: Path, dataset: LeRobotDataset) -> None:
+    policy = make_policy(t5)
+    batch = load_batch(dataset.root, [0, 10], lambda batch: batch)
+    assert policy.repeat_action(batch).shape == (2, HORIZON, 10)
+    texts = policy.translate(["The Commission met.", "Good morning"], batch)
+    assert len(texts) == 2
+    assert all(isinstance(text, str) for text in texts)

@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The policy on a data set: features, normalisation, lessons, loss, checkpoints."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from lerobot.configs import FeatureType, PolicyFeature
+from lerobot.datasets import LeRobotDataset
+from lerobot.policies.factory import make_policy as lerobot_make_policy
+from lerobot.policies.factory import make_pre_post_processors
+from policy_helpers import EYES, HORIZON, load_batch, make_config, make_dataset, make_owlv2, make_t5, observe
+from safetensors.torch import load_file
+
+from lerobot_owlxt5 import modes
+from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
+from lerobot_owlxt5.processor_owlxt5 import share_joint_range
+
+FRAMES = [0, 7, 20, 33, 41, 50]
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
+    return make_dataset(tmp_path_factory.mktemp("dataset") / "data", episodes=6)
+
+
+@pytest.fixture(scope="module")
+def t5(tmp_path_factory: pytest.TempPathFactory, dataset: LeRobotDataset) -> Path:
+    return make_t5(tmp_path_factory.mktemp("t5"), dataset.root)
+
+
+def make(dataset: LeRobotDataset, t5: Path, **options: Any) -> tuple[OWLxT5Policy, Any, Any]:
+    """Policy and processors as lerobot-train makes them: features come from the data set."""
+    config = make_config(t5, **options)
+    config.input_features = {}
+    torch.manual_seed(0)
+    policy = lerobot_make_policy(config, ds_meta=dataset.meta)
+    return policy, *make_pre_post_processors(config, dataset_stats=dataset.meta.stats)
+
+
+def test_only_camera_and_state_are_inputs(dataset: LeRobotDataset, t5: Path) -> None:
+    policy, preprocessor, _ = make(dataset, t5)
+    assert set(policy.config.input_features) == {EYES, "observation.state"}
+    assert len(policy.config.tasks) > 1
+    batch = load_batch(dataset.root, FRAMES, preprocessor)
+    assert batch["action"].shape == (6, 2 * HORIZON - 1, 10)
+    assert batch["observation.objects"].max() > 1, "the boxes' names must not be normalised"
+    for key in ("observation.state", "action"):
+        assert torch.isfinite(batch[key]).all()
+        assert batch[key].abs().max() <= 1 + 1e-5
+
+
+def test_processors_scale_there_and_back(dataset: LeRobotDataset, t5: Path) -> None:
+    _, preprocessor, postprocessor = make(dataset, t5)
+    raw = load_batch(dataset.root, FRAMES, lambda batch: batch)
+    scaled = load_batch(dataset.root, FRAMES, preprocessor)
+    assert torch.allclose(postprocessor(scaled["action"][:, 0]), raw["action"][:, 0], atol=1e-3)
+
+
+def test_a_constant_joint_forgives_a_small_deviation() -> None:
+    stats = {
+        "observation.state": {"min": torch.tensor([0.0, 5.0]), "max": torch.tensor([90.0, 5.0])},
+        "action": {"min": torch.tensor([1.0, 5.0]), "max": torch.tensor([100.0, 5.0])},
+    }
+    shared = share_joint_range(stats)
+    for key in stats:
+        assert shared[key]["min"] == pytest.approx([0, 4.95])
+        assert shared[key]["max"] == pytest.approx([100, 5.05])
+    assert share_joint_range({"action": stats["action"]}) == {"action": stats["action"]}
+
+
+def test_lessons(dataset: LeRobotDataset, t5: Path) -> None:
+    for mode in modes.MODES:
+        # A little of another mode, as translate alone is refused.
+        policy, preprocessor, _ = make(
+            dataset, t5, mode_probabilities={mode: 1.0, "execute": 1e-9 + (mode == "execute")}
+        )
+        batch = load_batch(dataset.root, FRAMES, preprocessor)
+        lessons = policy._make_lessons(batch)
+        assert (lessons.mode == modes.MODES.index(mode)).all()
+        for task, episode, prompt, text in zip(
+            batch["task"], batch["episode_index"].tolist(), lessons.prompts, lessons.texts, strict=True
+        ):
+            noun = task.split()[-1]
+            accepted = {
+                f"execute: {wording.replace('-', ' ')}" for wording in policy._texts[episode].wordings
+            }
+            match mode:
+                case "execute":
+                    assert prompt in accepted
+                case "describe":
+                    assert prompt == f"describe: {noun}"
+                case "repeat_action":
+                    assert prompt == "repeat action:"
+                case "translate":
+                    assert prompt == f"Translate English to German: The Commission met {episode} times."
+            assert text == (task if mode == "describe" else "")
+
+
+def test_only_a_language_model_that_learns_meets_made_up_names(dataset: LeRobotDataset, t5: Path) -> None:
+    for learns in (False, True):
+        policy, preprocessor, _ = make(
+            dataset, t5, train_language_model=learns, mode_probabilities={"describe": 1.0}
+        )
+        batch = load_batch(dataset.root, FRAMES * 5, preprocessor)
+        policy.train()
+        lessons = policy._make_lessons(batch)
+        true = [f"describe: {task.split()[-1]}" for task in batch["task"]]
+        renamed = [
+            prompt for prompt, expected in zip(lessons.prompts, true, strict=True) if prompt != expected
+        ]
+        assert bool(renamed) == learns
+        for prompt, text in zip(lessons.prompts, lessons.texts, strict=True):
+            assert text.endswith(prompt.removeprefix("describe:"))
+        policy.eval()
+        assert policy._make_lessons(batch).prompts == true
+
+
+def test_without_texts_the_other_modes_share(tmp_path: Path, t5: Path) -> None:
+    plain = make_dataset(tmp_path / "plain", episodes=3, texts=False)
+    policy, preprocessor, _ = make(plain, t5)
+    batch = load_batch(plain.root, list(range(27)), preprocessor)
+    drawn = policy._make_lessons(batch).mode
+    assert set(drawn.tolist()) == {modes.EXECUTE, modes.DESCRIBE, modes.REPEAT_ACTION}
+    policy.train()
+    assert torch.isfinite(policy.forward(batch)[0])
+
+
+def test_evaluation_is_deterministic_and_training_follows_its_seed(dataset: LeRobotDataset, t5: Path) -> None:
+    policy, preprocessor, _ = make(dataset, t5)
+    batch = load_batch(dataset.root, FRAMES, preprocessor)
+    policy.eval()
+    assert policy.forward(batch)[1] == policy.forward(batch)[1]
+    policy.train()
+    first, second = policy.forward(batch)[1], policy.forward(batch)[1]
+    assert first != second
+    policy.training_seed -= 2
+    torch.manual_seed(123)
+    state = torch.get_rng_state()
+    assert policy.forward(batch)[1] == first
+    assert torch.equal(torch.get_rng_state(), state), "other users of the generator must not notice"
+
+
+def test_any_frame_of_an_episode_teaches_the_same(dataset: LeRobotDataset, t5: Path) -> None:
+    policy, preprocessor, _ = make(dataset, t5)
+    policy.eval()
+    losses = []
+    for frame in (0, 3, 5):
+        batch = load_batch(dataset.root, [frame], preprocessor)
+        batch["index"][:] = 0
+        losses.append(policy.forward(batch)[0].item())
+    assert losses == pytest.approx([losses[0]] * 3)
+
+
+@pytest.mark.parametrize("trained_along", [False, True])
+def test_a_batch_can_be_learned_by_heart(dataset: LeRobotDataset, t5: Path, trained_along: bool) -> None:
+    policy, preprocessor, _ = make(dataset, t5, train_language_model=trained_along, dropout=0.0)
+    batch = load_batch(dataset.root, FRAMES, preprocessor)
+    optimizer = torch.optim.Adam(policy.get_optim_params(), 1e-2)
+    policy.train()
+    losses = []
+    for _ in range(60):
+        loss, terms = policy.forward(batch)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        losses.append(loss.item())
+    assert terms["found"] == 1
+    assert sum(losses[-10:]) < 0.5 * sum(losses[:10])
+
+
+@pytest.mark.parametrize("trained_along", [False, True])
+def test_a_checkpoint_holds_what_was_trained(
+    dataset: LeRobotDataset, t5: Path, tmp_path: Path, trained_along: bool
+) -> None:
+    policy, _, _ = make(dataset, t5, train_language_model=trained_along)
+    with torch.no_grad():
+        for parameter in policy.get_optim_params():
+            parameter += 0.01 * torch.randn_like(parameter)
+    policy.save_pretrained(tmp_path)
+    stored = {key.split(".")[0] for key in load_file(tmp_path / "model.safetensors")}
+    assert stored == {"core", "training_seed"} | ({"language_model"} if trained_along else set())
+    batch = observe(["push red", "pull ball"])
+    for strict in (False, True):
+        loaded = OWLxT5Policy.from_pretrained(tmp_path, strict=strict)
+        assert loaded.config.tasks == policy.config.tasks
+        assert torch.equal(loaded.predict_action_chunk(batch), policy.predict_action_chunk(batch))
+
+
+def test_frozen_backbones_stay_as_they_are(dataset: LeRobotDataset, t5: Path, tmp_path: Path) -> None:
+    policy, preprocessor, _ = make(dataset, t5, detector=str(make_owlv2(tmp_path)), score_threshold=0.0)
+    batch = load_batch(dataset.root, FRAMES, preprocessor)
+    policy.train()
+    policy.forward(batch)[0].backward()
+    for model in (policy.language.model, policy.detector.model):
+        assert not model.training
+        assert all(parameter.grad is None for parameter in model.parameters())
+
+
+def test_training_goes_on_after_an_evaluation_in_inference_mode(dataset: LeRobotDataset, t5: Path) -> None:
+    policy, preprocessor, _ = make(dataset, t5, mode_probabilities={"execute": 1.0})
+    batch = load_batch(dataset.root, [0], preprocessor)
+    for wording in policy._texts[0].wordings:
+        with torch.inference_mode():
+            policy.reset()
+            policy.select_action(observe([wording]))
+    policy.train()
+    policy.forward(batch)[0].backward()
+
+
+# Errors -----------------------------------------------------------------------------------------------------
+
+
+def test_an_episode_that_is_too_long_is_refused(dataset: LeRobotDataset, t5: Path) -> None:
+    with pytest.raises(ValueError, match=r"--policy\.max_episode_steps=12"):
+        make(dataset, t5, max_episode_steps=11)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"observation.state": None}, "needs the feature 'observation.state'"),
+        ({"observation.state": (7,)}, "must be of one size"),
+        ({EYES: None}, "has none"),
+        (
+            {EYES: None, "observation.images.a": (3, 8, 8), "observation.images.b": (3, 8, 8)},
+            "--policy.camera",
+        ),
+    ],
+)
+def test_features_that_do_not_fit_are_refused(t5: Path, change: dict[str, Any], message: str) -> None:
+    config = make_config(t5)
+    for key, shape in change.items():
+        config.input_features.pop(key, None)
+        if shape:
+            kind = FeatureType.VISUAL if "images" in key else FeatureType.STATE
+            config.input_features[key] = PolicyFeature(kind, shape)
+    with pytest.raises(ValueError, match=message):
+        config.validate_features()
+
+
+def test_the_camera_can_be_named(t5: Path) -> None:
+    config = make_config(t5, camera="observation.images.side")
+    with pytest.raises(ValueError, match=r"--policy.camera=observation.images.side"):
+        config.validate_features()
+    config.input_features["observation.images.side"] = PolicyFeature(FeatureType.VISUAL, (3, 8, 8))
+    config.validate_features()
+    assert config.camera_key == "observation.images.side"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"mode_probabilities": {"dance": 1.0}}, "dance"),
+        ({"mode_probabilities": {"translate": 1.0}}, "at least one of"),
+        ({"mode_probabilities": {"execute": -1.0, "describe": 1.0}}, "negative"),
+        ({"max_episode_steps": 0}, "--policy.max_episode_steps"),
+        ({"dim_model": 15}, "--policy.dim_model"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(t5: Path, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make_config(t5, **options)
