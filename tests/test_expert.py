@@ -7,13 +7,14 @@ from importlib import import_module
 import mujoco
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+
 from nico_tabletop.objects import SUITES
 from nico_tabletop.robot import INITIAL_POSE_DEG, joint_limits_deg
 from nico_tabletop.scene import SLOT_XY
 from nico_tabletop.scoring import Outcome, judge
 from nico_tabletop.simulation import CONTROL_HZ, TabletopSimulation
 from nico_tabletop.tasks import ACTIONS, SLOTS, Action, find_action
-from numpy.typing import NDArray
 
 pytest.importorskip("mink", reason="the scripted expert needs the extra `scripted`")
 from clant_claeo.expert import OutOfReachError, plan

@@ -3,13 +3,13 @@ from pathlib import Path
 
 import pytest
 import torch
-from policy_helpers import EYES, make_config, make_dataset, make_owlv2, make_policy, make_t5, observe
 from torch.nn.functional import cross_entropy
 from transformers import AutoModelForSeq2SeqLM, AutoTokenizer
 
 from lerobot_owlxt5 import backbones
 from lerobot_owlxt5.detection import Owlv2Detector
 from lerobot_owlxt5.language import SplitT5
+from policy_helpers import EYES, make_config, make_dataset, make_owlv2, make_policy, make_t5, observe
 
 CPU = torch.device("cpu")
 TEXTS = ["push red", "", "slide to left greenish blue"]

@@ -6,7 +6,6 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from policy_helpers import EYES, make_owlv2, observe
 
 from lerobot_owlxt5.detection import (
     Detections,
@@ -15,6 +14,7 @@ from lerobot_owlxt5.detection import (
     RememberedDetections,
     to_image_coordinates,
 )
+from policy_helpers import EYES, make_owlv2, observe
 
 
 @given(st.integers(1, 2000), st.integers(1, 2000), st.floats(0, 1), st.floats(0, 1))

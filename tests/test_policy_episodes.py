@@ -5,11 +5,11 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from policy_helpers import HORIZON, make_dataset
 
 from lerobot_owlxt5.annotations import read_texts
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
 from lerobot_owlxt5.episodes import at_step, check_episode_lengths, positions_before, recover_actions
+from policy_helpers import HORIZON, make_dataset
 
 
 @st.composite

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import torch
 from lerobot.datasets import LeRobotDataset
+
 from policy_helpers import EYES, HORIZON, load_batch, make_dataset, make_owlv2, make_policy, make_t5, observe
 
 TASKS = ["push red", "Pull the ball!", "slide-to-left can", "dance wildly"]

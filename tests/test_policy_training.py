@@ -10,12 +10,12 @@ from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.datasets import LeRobotDataset
 from lerobot.policies.factory import make_policy as lerobot_make_policy
 from lerobot.policies.factory import make_pre_post_processors
-from policy_helpers import EYES, HORIZON, load_batch, make_config, make_dataset, make_owlv2, make_t5, observe
 from safetensors.torch import load_file
 
 from lerobot_owlxt5 import modes
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 from lerobot_owlxt5.processor_owlxt5 import share_joint_range
+from policy_helpers import EYES, HORIZON, load_batch, make_config, make_dataset, make_owlv2, make_t5, observe
 
 FRAMES = [0, 7, 20, 33, 41, 50]
 

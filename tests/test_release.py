@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from clant_claeo.release import (
     FRAMES,
     KINDS,

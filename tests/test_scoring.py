@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from nico_tabletop.scoring import Outcome, judge
 from nico_tabletop.tasks import ACTIONS, find_action
 

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+
 from nico_tabletop.env import EPISODE_STEPS, NAME_BYTES, TabletopEnv
 from nico_tabletop.objects import SUITES
 from nico_tabletop.robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg

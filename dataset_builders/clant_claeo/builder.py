@@ -16,12 +16,13 @@ from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
 from lerobot.datasets.io_utils import write_info
 from lerobot.datasets.language import EXTENDED_STYLES, PERSISTENT_STYLES, language_feature_info
 from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
+from tqdm import tqdm
+
 from nico_tabletop.env import EPISODE_STEPS, describe_objects
 from nico_tabletop.robot import EYES, JOINT_NAMES
 from nico_tabletop.scoring import Outcome, judge
 from nico_tabletop.simulation import CONTROL_HZ, TabletopSimulation
 from nico_tabletop.tasks import SLOTS
-from tqdm import tqdm
 
 from .demonstrations import Demonstration
 

@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """`owlxt5-dataset`: make CLANT or CLAEO as a LeRobotDataset."""
 
-import logging
 import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import av
+import datasets
 import draccus
 from lerobot.utils.constants import HF_LEROBOT_HOME
+from rich.console import Console
+
 from nico_tabletop.objects import SUITES
 from nico_tabletop.simulation import TabletopSimulation
-from rich.console import Console
 
 from .builder import build_dataset
 from .demonstrations import Demonstration, from_release, scripted
@@ -82,8 +84,10 @@ def _make(config: DatasetConfig) -> None:
 
 def main() -> None:
     """Entry point; an error that the user can mend ends in one message and exit status 1."""
-    os.environ.setdefault("SVT_LOG", "1")  # the AV1 encoder prints its settings for every episode otherwise
-    logging.getLogger("lerobot").setLevel(logging.WARNING)
+    # One progress bar is enough: the encoder, the muxer and the data set library each report every episode.
+    os.environ.setdefault("SVT_LOG", "1")
+    av.logging.set_level(av.logging.ERROR)
+    datasets.disable_progress_bars()
     try:
         _make()
     except (ReleaseError, FileExistsError, ModuleNotFoundError, ValueError) as error:

@@ -7,9 +7,10 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
+
 from nico_tabletop.objects import SUITES
 from nico_tabletop.tasks import ACTIONS, Action, arrangements, find_action
-from numpy.typing import NDArray
 
 from .release import Release
 from .wordings import wordings

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
+
 from nico_tabletop.objects import CUBE_HALF_WIDTH
 from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES
 from nico_tabletop.scene import TABLE_HEIGHT, build_model
 from nico_tabletop.simulation import CONTROL_HZ
 from nico_tabletop.tasks import Action
-from numpy.typing import NDArray
 
 try:
     import mink

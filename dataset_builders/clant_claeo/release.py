@@ -25,10 +25,11 @@ from pathlib import Path
 from typing import Literal, NamedTuple, cast
 
 import numpy as np
+from numpy.typing import NDArray
+
 from nico_tabletop.objects import SUITES
 from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES
 from nico_tabletop.tasks import find_action
-from numpy.typing import NDArray
 
 from .wordings import wordings
 
@@ -79,7 +80,8 @@ class Sample:
         action: One of the keys of `FRAMES`, e.g. `SLIDE-L-R`.
         split: The authors' split.
         arrangement: Colours of the cubes on the left, middle and right slot, as the robot sees them.
-        joints: Joint angles as written, degrees, float64 (T, 10), columns as in `robot.JOINT_NAMES`; read-only.
+        joints: Joint angles as written, degrees, float64 (T, 10), in the order of `robot.JOINT_NAMES`;
+            read-only.
         texts: The four accepted wordings of the command; the first is the canonical one.
         english: Sentence to translate; it has nothing to do with the action.
         german: Its translation, as written (see `release_quirks`).

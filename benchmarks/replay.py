@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Replay every demonstration of the original release: python benchmarks/replay.py clant|claeo.
+
+Needs the release's folder in OWLXT5_CLANT_DIR. Prints the outcomes of all replays and, for each action, how far
+the object moved, in centimetres, and how many degrees off the intended direction.
+"""
+
+import os
+import sys
+import time
+from collections import Counter, defaultdict
+
+import numpy as np
+from clant_claeo.demonstrations import from_release
+from clant_claeo.release import read_release
+from nico_tabletop.env import EPISODE_STEPS
+from nico_tabletop.objects import SUITES
+from nico_tabletop.scoring import Outcome, judge
+from nico_tabletop.simulation import TabletopSimulation
+from rich.console import Console
+from rich.table import Table
+from tqdm import tqdm
+
+
+def main() -> None:
+    """Replay, judge and report."""
+    suite = sys.argv[1] if len(sys.argv) > 1 else "clant"
+    release = read_release(os.environ["OWLXT5_CLANT_DIR"])
+    simulation = TabletopSimulation(SUITES[suite])
+    outcomes: dict[str, Counter[Outcome]] = defaultdict(Counter)
+    motions: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    began = time.perf_counter()
+    for demonstration in tqdm(list(from_release(release, suite)), unit="episode"):
+        action, joints = demonstration.action, demonstration.joints
+        simulation.reset(demonstration.arrangement)
+        start = simulation.object_positions()
+        for step in range(EPISODE_STEPS):
+            simulation.step(joints[min(step + 1, len(joints) - 1)])
+        end = simulation.object_positions()
+        outcomes[action.name][judge(action, start, end)] += 1
+        motion = (end - start)[action.slot, :2]
+        distance = float(np.linalg.norm(motion))
+        angle = np.rad2deg(np.arccos(np.clip(motion @ np.array(action.direction) / distance, -1, 1)))
+        motions[action.name].append((100 * distance, float(angle)))
+    seconds = time.perf_counter() - began
+    table = Table(title=f"Replays of the release on {suite}")
+    for heading in ("action", *Outcome, "cm, least", "cm, most", "degrees, most"):
+        table.add_column(str(heading), justify="left" if heading == "action" else "right")
+    for name, count in outcomes.items():
+        distances, angles = zip(*motions[name], strict=True)
+        numbers = f"{min(distances):.1f}", f"{max(distances):.1f}", f"{max(angles):.0f}"
+        table.add_row(name, *(str(count[outcome]) for outcome in Outcome), *numbers)
+    console = Console()
+    console.print(table)
+    total: Counter[Outcome] = sum(outcomes.values(), Counter())
+    console.print(f"{total[Outcome.PERFECT]} of {total.total()} perfect; {seconds:.0f} s, no rendering")
+
+
+if __name__ == "__main__":
+    main()

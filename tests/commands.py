@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs the real commands, as a user does."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+_BIN = Path(sys.executable).parent
+ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "HF_HUB_OFFLINE": "1", "COLUMNS": "200"}
+
+
+def run(command: str, *arguments: str | Path) -> str:
+    """Run a command of the virtual environment; its output, or a failure that shows it."""
+    done = run_anyway(command, *arguments)
+    assert done.returncode == 0, done.stdout[-4000:]
+    return done.stdout
+
+
+def run_anyway(command: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """Run a command that may fail; standard error is part of its output."""
+    return subprocess.run(
+        [_BIN / command, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=ENVIRONMENT,
+        check=False,
+    )

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The data set builder, through its command."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lerobot.datasets import LeRobotDataset
+
+from clant_claeo.demonstrations import from_release, scripted
+from clant_claeo.release import Release
+from commands import ENVIRONMENT, run, run_anyway
+from nico_tabletop.env import NAME_BYTES
+from nico_tabletop.robot import JOINT_NAMES
+from nico_tabletop.tasks import ACTIONS
+from test_release import replace_line, write_release
+
+SMALL = ("--arrangements=1", "--height=48", "--width=64")
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
+    root = tmp_path_factory.mktemp("data") / "claeo"
+    output = run("owlxt5-dataset", "--suite=claeo", f"--root={root}", *SMALL)
+    assert "12 perfect" in output
+    assert str(root) in output.splitlines()[-2]
+    assert output.splitlines()[-1].startswith("Next: lerobot-train --policy.type=owlxt5")
+    return LeRobotDataset("local/claeo", root=root, video_backend="pyav")
+
+
+def language(dataset: LeRobotDataset, frame: int) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for row in dataset.hf_dataset[frame]["language_persistent"]:
+        found.setdefault(row["style"], []).append(row["content"])
+    return found
+
+
+def test_frames_and_features(built: LeRobotDataset):
+    assert built.fps == 10
+    assert built.num_episodes == 12
+    assert built.meta.robot_type == "nico"
+    item = built[0]
+    assert item["observation.images.eyes"].shape == (3, 48, 64)
+    assert item["observation.images.eyes"].std() > 0.05
+    assert item["observation.state"].shape == item["action"].shape == (10,)
+    assert built.features["action"]["names"] == [f"{name}.pos" for name in JOINT_NAMES]
+
+
+def test_an_action_is_the_next_state(built: LeRobotDataset):
+    episode = np.array(built.hf_dataset["episode_index"])
+    state, action = (np.stack(built.hf_dataset[key]) for key in ("observation.state", "action"))
+    inside = np.flatnonzero(episode[1:] == episode[:-1])
+    np.testing.assert_array_equal(action[inside], state[inside + 1])
+    last = np.setdiff1d(np.arange(len(episode)), inside)
+    np.testing.assert_array_equal(action[last], state[last])
+
+
+def test_test_episodes_come_last(built: LeRobotDataset):
+    train, test = (built.meta.info.splits[split] for split in ("train", "test"))
+    assert (train, test) == ("0:9", "9:12")
+
+
+def test_language_rows_say_what_happens(built: LeRobotDataset):
+    for start in built.meta.episodes["dataset_from_index"]:
+        rows = language(built, start)
+        task = built[start]["task"]
+        assert rows["task_aug"][0] == task
+        assert len(set(rows["task_aug"])) == 4
+        assert rows["outcome"] == ["perfect"]
+        assert "translation" not in rows  # a script has none
+        names = dict(part.split(": ") for part in rows["scene"][0].split(", "))
+        objects = built.hf_dataset[start]["observation.objects"].numpy().reshape(3, 4 + NAME_BYTES)
+        seen = [bytes(row[4:].astype(np.uint8)).rstrip(b"\0").decode() for row in objects]
+        assert seen == list(names.values())
+        assert any(task.endswith(name) for name in seen)
+
+
+def test_scripted_demonstrations_are_split_like_the_release():
+    found = list(scripted("clant"))
+    assert len(found) == 1440
+    for action in ACTIONS:
+        mine = [demonstration.split for demonstration in found if demonstration.action == action]
+        assert (mine.count("train"), mine.count("test")) == (90, 30)
+
+
+def test_the_release_is_copied_exactly(clant_release: Release, clant_dir: Path, tmp_path: Path):
+    root = tmp_path / "clant"
+    run("owlxt5-dataset", f"--source={clant_dir}", f"--root={root}", *SMALL)
+    dataset = LeRobotDataset("local/clant", root=root, video_backend="pyav")
+    chosen = [sample for sample in clant_release.samples if sample.number < 12]
+    for episode, sample in enumerate(sorted(chosen, key=lambda sample: sample.split == "test")):
+        start, end = (dataset.meta.episodes[episode][f"dataset_{key}_index"] for key in ("from", "to"))
+        state = np.stack(dataset.hf_dataset["observation.state"][start:end])
+        np.testing.assert_array_equal(state, sample.joints.astype(np.float32))
+        rows = language(dataset, start)
+        assert rows["task_aug"] == list(sample.texts)
+        assert rows["translation"] == [sample.english, sample.german]
+        assert dataset[start]["task"] == sample.texts[0]
+
+
+def test_claeo_keeps_the_releases_trajectories(clant_release: Release):
+    cubes, novel = (list(from_release(clant_release, suite)) for suite in ("clant", "claeo"))
+    assert all(one.joints is other.joints for one, other in zip(cubes, novel, strict=True))
+    stand_in = {
+        cube: thing
+        for one, other in zip(cubes, novel, strict=True)
+        for cube, thing in zip(one.arrangement, other.arrangement, strict=True)
+    }
+    assert len(set(stand_in.values())) == 6
+    assert {demonstration.task for demonstration in novel} >= {"push ball", "slide-to-left empty wine bottle"}
+
+
+@pytest.mark.parametrize(
+    ("line", "text", "message"),
+    [(5, "0 -20 0 nan 0 0 20 0 100 0", "nan"), (5, "0 -20 0", "3 joint angles instead of 10")],
+)
+def test_a_bad_release_gives_one_error_and_no_data_set(tmp_path: Path, line: int, text: str, message: str):
+    source = write_release(tmp_path / "CLANT")
+    replace_line(source / "behavior_train/target0007.txt", line, text)
+    root = tmp_path / "out" / "clant"
+    done = run_anyway("owlxt5-dataset", f"--source={source}", f"--root={root}")
+    assert done.returncode == 1
+    assert f"behavior_train/target0007.txt, line {line}" in done.stdout
+    assert message in done.stdout
+    assert "Traceback" not in done.stdout
+    assert not root.parent.exists()
+
+
+def test_an_existing_folder_is_left_alone(built: LeRobotDataset):
+    before = sorted(built.root.rglob("*"))
+    done = run_anyway("owlxt5-dataset", "--suite=claeo", f"--root={built.root}", *SMALL)
+    assert done.returncode == 1
+    assert "exists already" in done.stdout.splitlines()[-1]
+    assert sorted(built.root.rglob("*")) == before
+
+
+def test_a_killed_build_leaves_nothing_that_looks_whole(tmp_path: Path):
+    root = tmp_path / "clant"
+    command = [Path(sys.executable).parent / "owlxt5-dataset", f"--root={root}", *SMALL]
+    with subprocess.Popen(
+        command, env=ENVIRONMENT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    ) as job:
+        while not (root.with_name("clant.unfinished") / "videos").exists():
+            assert job.poll() is None, "the build ended before it could be killed"
+            time.sleep(0.1)
+        job.send_signal(signal.SIGKILL)
+    assert not root.exists()
+    run("owlxt5-dataset", f"--root={root}", *SMALL)
+    assert LeRobotDataset("local/clant", root=root).num_episodes == 12

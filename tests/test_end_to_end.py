@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stock lerobot-train and lerobot-eval with the plugin, in processes of their own, on a tiny data set."""
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import load_file
+
+from commands import run
+
+TRAIN = (
+    "--config_path=configs/demo_train.yaml",
+    "--policy.dim_model=32",
+    "--policy.dim_feedforward=32",
+    "--policy.dim_lstm=16",
+    "--batch_size=4",
+    "--num_workers=0",
+    "--log_freq=5",
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data set of 12 episodes and a small T5."""
+    folder = tmp_path_factory.mktemp("end_to_end")
+    run("owlxt5-dataset", f"--root={folder / 'data'}", "--arrangements=1", "--height=48", "--width=64")
+    small = ("--d_model=16", "--d_kv=8", "--d_ff=16", "--num_layers=1", "--num_heads=2")
+    output = run(
+        "python",
+        *("-m", "lerobot_owlxt5.backbones", f"--output_dir={folder / 't5'}"),
+        *(f"--dataset_root={folder / 'data'}", *small),
+    )
+    assert "lerobot-train" in output.splitlines()[-1]
+    return folder
+
+
+def train(folder: Path, name: str, *arguments: str) -> Path:
+    """Train 20 steps; the folder of checkpoints."""
+    output = folder / name
+    places = (f"--dataset.root={folder / 'data'}", f"--policy.language_model={folder / 't5'}")
+    run("lerobot-train", *TRAIN, *places, f"--output_dir={output}", "--steps=20", *arguments)
+    return output / "checkpoints"
+
+
+@pytest.fixture(scope="module")
+def checkpoints(folder: Path) -> Path:
+    return train(folder, "whole", "--save_freq=10")
+
+
+def weights(checkpoint: Path) -> dict[str, torch.Tensor]:
+    return load_file(checkpoint / "pretrained_model" / "model.safetensors")
+
+
+@pytest.mark.parametrize(
+    ("command", "names"),
+    [("lerobot-train", ("owlxt5", "clant", "claeo")), ("lerobot-eval", ("owlxt5", "clant", "claeo"))],
+)
+def test_lerobot_finds_the_plugin(command: str, names: tuple[str, ...]):
+    help_text = run(command, "--help")
+    for name in names:
+        assert name in help_text, name
+
+
+def test_training_learns_something(folder: Path, checkpoints: Path):
+    first, last = weights(checkpoints / "000010"), weights(checkpoints / "000020")
+    assert any(not torch.equal(first[key], last[key]) for key in first)
+    assert all(tensor.isfinite().all() for tensor in last.values())
+
+
+def test_a_resumed_run_ends_with_the_same_weights(folder: Path, checkpoints: Path):
+    config = checkpoints / "000010" / "pretrained_model" / "train_config.json"
+    before = weights(checkpoints / "000020")
+    run("lerobot-train", f"--config_path={config}", "--resume=true")
+    after = weights(checkpoints / "000020")
+    assert before.keys() == after.keys()
+    for key, tensor in before.items():
+        assert torch.equal(tensor, after[key]), key
+
+
+@pytest.mark.parametrize(("suite", "batch"), [("clant", 1), ("claeo", 2)])
+def test_a_checkpoint_is_evaluated(folder: Path, checkpoints: Path, suite: str, batch: int):
+    output = folder / f"eval_{suite}"
+    run(
+        "lerobot-eval",
+        f"--policy.path={checkpoints / 'last' / 'pretrained_model'}",
+        *(f"--env.type={suite}", "--env.task=PUSH-L", "--policy.device=cpu"),
+        *("--env.observation_height=48", "--env.observation_width=64"),
+        *(f"--eval.n_episodes={batch}", f"--eval.batch_size={batch}", f"--output_dir={output}"),
+    )
+    info = json.loads((output / "eval_info.json").read_text())
+    assert info["per_group"][suite]["n_episodes"] == batch
+    assert all(Path(video).stat().st_size > 0 for video in info["overall"]["video_paths"])
+    table = run(
+        "python", "-m", "nico_tabletop.report", output / "eval_info.json", f"--picture={output / 'p.png'}"
+    )
+    assert "PUSH-L" in table
+    assert (output / "p.png").stat().st_size > 0
