@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Replay every demonstration of the original release: python benchmarks/replay.py clant|claeo.
 
-Needs the release's folder in OWLXT5_CLANT_DIR. Prints the outcomes of all replays and, for each action, how far
-the object moved, in centimetres, and how many degrees off the intended direction.
+Needs the release's folder in OWLXT5_CLANT_DIR. Prints the outcomes of all replays and, for each action, how
+far the object moved, in centimetres, and how many degrees off the intended direction.
 """
 
 import os
@@ -11,15 +11,16 @@ import time
 from collections import Counter, defaultdict
 
 import numpy as np
+from rich.console import Console
+from rich.table import Table
+from tqdm import tqdm
+
 from clant_claeo.demonstrations import from_release
 from clant_claeo.release import read_release
 from nico_tabletop.env import EPISODE_STEPS
 from nico_tabletop.objects import SUITES
 from nico_tabletop.scoring import Outcome, judge
 from nico_tabletop.simulation import TabletopSimulation
-from rich.console import Console
-from rich.table import Table
-from tqdm import tqdm
 
 
 def main() -> None:

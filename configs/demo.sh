@@ -11,26 +11,29 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 arrangements=${1:-4}
-steps=${2:-700}
-episodes=${3:-2}
+steps=${2:-1000}
+episodes=${3:-1}
 out=outputs/demo
 # A computer with few cores is faster when data loading, simulation and training use one thread each.
 export OMP_NUM_THREADS=1 HF_HUB_OFFLINE=1
+
+# Progress bars of tqdm, cut where they begin to repeat what does not fit on the line.
+bars='[A-Z][a-z ]+[0-9a-z ]*: +[0-9]+%.*(step|it|s|episode)/(step|it|s|episode)'
 
 # Runs a command with its output in a log; shows a heading, the last progress bar meanwhile, the end on failure.
 step() {
     local title=$1 log=$out/$2.log
     shift 2
     printf '\n== %s\n' "$title"
-    printf '   %s\n' "$*" | cut -c1-400
+    printf '   %s\n' "$*"
     "$@" >"$log" 2>&1 &
-    local job=$!
+    local job=$! bar
     while kill -0 $job 2>/dev/null; do
         sleep 2
-        tail -c 2000 "$log" | tr '\r' '\n' | grep -aE '[0-9]+%\|' | tail -n 1 |
-            sed -E 's/^(.*\]).*/\1/' | cut -c1-100 | tr '\n' '\r' || true
+        bar=$(tail -c 2000 "$log" | tr '\r' '\n' | grep -aoE "$bars" | tail -n 1) || continue
+        printf '\r   %-80.80s' "$bar"
     done
-    printf '\n'
+    printf '\r   %-80s\n' "done after $((SECONDS / 60)) min $((SECONDS % 60)) s in all"
     wait $job || {
         tail -n 20 "$log" >&2
         printf 'demo failed at "%s"; its whole output is in %s\n' "$title" "$log" >&2
@@ -43,20 +46,21 @@ rm -rf $out
 mkdir -p $out
 source=${OWLXT5_CLANT_DIR:-scripted}
 data=$out/clant
-last=$((arrangements * 9 - 1)) # three quarters of the episodes, those at the beginning, are the train split
 
 step "1/5 Data set: $arrangements of 120 arrangements of cubes" dataset \
     owlxt5-dataset --suite=clant --source="$source" --arrangements=$arrangements --root=$data \
     --height=240 --width=320
 step "2/5 A small T5 without any knowledge, to be trained along" t5 \
     python -m lerobot_owlxt5.backbones --output_dir=$out/t5 --dataset_root=$data
-step "3/5 Training" train \
+# The train split stands at the beginning: "0:36" means episodes 0 to 35.
+train=$(python -c "import json; print(json.load(open('$data/meta/info.json'))['splits']['train'][2:])")
+step "3/5 Training on the $train episodes of the train split" train \
     lerobot-train --config_path=configs/demo_train.yaml --dataset.root=$data --policy.language_model=$out/t5 \
-    --output_dir=$out/train --steps=$steps --dataset.episodes="[$(seq -s, 0 $last)]"
+    --output_dir=$out/train --steps=$steps --dataset.episodes="[$(seq -s, 0 $((train - 1)))]"
 for suite in clant claeo; do
     step "$([ $suite = clant ] && echo 4/5 || echo 5/5) Evaluation on $suite" eval_$suite \
         lerobot-eval --policy.path=$out/train/checkpoints/last/pretrained_model --env.type=$suite \
-        --eval.n_episodes=$episodes --eval.batch_size=2 --output_dir=$out/eval_$suite --policy.device=cpu
+        --eval.n_episodes=$episodes --eval.batch_size=1 --output_dir=$out/eval_$suite --policy.device=cpu
 done
 
 printf '\n== Results\n'

@@ -13,7 +13,7 @@ import torch
 from .commands import parse_command, plain
 
 # Share of the samples whose object gets a made-up name.
-SHARE = 0.25
+SHARE = 0.1
 _MOST_WORDS = 3
 # Too long for an article, which a command would lose.
 _SHORTEST_WORD, _LONGEST_WORD = 4, 7

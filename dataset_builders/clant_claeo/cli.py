@@ -32,7 +32,7 @@ class DatasetConfig:
     repo_id: str | None = None
     # Folder to make; LeRobot's own place for `repo_id` when unset.
     root: Path | None = None
-    # Take only so many of the 120 arrangements, evenly spread, with all twelve actions each.
+    # Take only so many of the 120 arrangements, spread over all objects, with all twelve actions each.
     arrangements: int | None = None
     # Rows and columns of the pictures.
     height: int = 480
@@ -51,7 +51,9 @@ def _demonstrations(config: DatasetConfig) -> list[Demonstration]:
     known = list(dict.fromkeys(demonstration.arrangement for demonstration in found))
     if not 1 <= config.arrangements <= len(known):
         raise ValueError(f"--arrangements must lie between 1 and {len(known)}; got {config.arrangements}")
-    chosen = {known[k * len(known) // config.arrangements] for k in range(config.arrangements)}
+    # The release's split repeats every four arrangements, so an even step could leave an action without any
+    # training episode. Steps of 31 spread over all colours and over both splits.
+    chosen = {known[31 * k % len(known)] for k in range(config.arrangements)}
     return [demonstration for demonstration in found if demonstration.arrangement in chosen]
 
 

@@ -131,8 +131,8 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         }
 
     def render(self) -> NDArray[np.uint8]:
-        """The scene as a bystander sees it, uint8 (480, 640, 3)."""
-        return self._simulation.render(SPECTATOR, 480, 640)
+        """The scene as a bystander sees it, uint8 (360, 480, 3)."""
+        return self._simulation.render(SPECTATOR, 360, 480)
 
     def close(self) -> None:
         """Free the GL contexts."""
