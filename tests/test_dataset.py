@@ -34,7 +34,8 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
 
 def language(dataset: LeRobotDataset, frame: int) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
-    for row in dataset.hf_dataset[frame]["language_persistent"]:
+    rows = dataset.hf_dataset[frame]["language_persistent"]
+    for row in sorted(rows, key=lambda row: row["role"] == "assistant"):  # question before answer
         found.setdefault(row["style"], []).append(row["content"])
     return found
 

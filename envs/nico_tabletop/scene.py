@@ -17,7 +17,7 @@ SPECTATOR = "spectator"
 """Camera that looks at robot and table from outside, for videos."""
 
 _TABLE = (0.28, 0.42, 0.02)  # half widths
-_PARKING_X = -4.0  # where objects wait that are not part of the scene: behind both cameras
+_PARKING = (-4.0, -1.0)  # x and z where objects wait that are not part of the scene: under the floor
 
 _BASE = """
 <mujoco model="nico_tabletop">
@@ -98,4 +98,4 @@ def slot_position(slot: int) -> tuple[float, float, float]:
 
 def parking_position(index: int) -> tuple[float, float, float]:
     """Where the `index`-th object of a suite waits while it is not part of the scene, metres."""
-    return (_PARKING_X, 0.3 * index, 1.0)
+    return (_PARKING[0], 0.3 * index, _PARKING[1])
