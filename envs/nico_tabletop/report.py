@@ -17,7 +17,7 @@ from rich.table import Table
 from .scoring import Outcome
 from .tasks import ACTIONS
 
-_FRAMES = 4  # of a video, in the picture
+_FRAMES, _ROWS = 4, 3  # of a video, and videos of a suite, in the picture
 
 
 def outcomes(info: dict[str, Any]) -> dict[str, dict[str, Counter[Outcome]]]:
@@ -62,7 +62,7 @@ def _frames(video: Path) -> NDArray[np.uint8]:
 
 
 def main() -> None:
-    """Print the table, and save a picture with a row of frames for the first video of each task."""
+    """Print the table, and save a picture with a row of frames for some of the videos."""
     parser = argparse.ArgumentParser(prog="python -m nico_tabletop.report", description=main.__doc__)
     parser.add_argument("eval_info", nargs="+", type=Path, help="eval_info.json of lerobot-eval")
     parser.add_argument("--picture", type=Path, required=True, help="PNG file to write")
@@ -72,11 +72,8 @@ def main() -> None:
     for path in arguments.eval_info:
         info = json.loads(path.read_text(encoding="utf-8"))
         by_suite |= outcomes(info)
-        rows += [
-            _frames(Path(videos[0]))
-            for task in info["per_task"]
-            if (videos := task["metrics"]["video_paths"])
-        ]
+        videos = [paths[0] for task in info["per_task"] if (paths := task["metrics"]["video_paths"])]
+        rows += [_frames(Path(video)) for video in videos[:: max(1, len(videos) // _ROWS)][:_ROWS]]
     Image.fromarray(np.concatenate(rows)).resize((1280, 240 * len(rows))).save(arguments.picture)
     console = Console()
     console.print(outcome_table(by_suite))
