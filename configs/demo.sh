@@ -41,7 +41,7 @@ step() {
     }
 }
 
-# What LeRobot needs to be told in every step, and the sizes of a model that trains in minutes.
+# Each demo starts afresh: LeRobot does not write into folders that exist.
 rm -rf $out
 mkdir -p $out
 source=${OWLXT5_CLANT_DIR:-scripted}

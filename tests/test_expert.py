@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from nico_tabletop.env import EPISODE_STEPS
 from nico_tabletop.objects import SUITES
 from nico_tabletop.robot import INITIAL_POSE_DEG, joint_limits_deg
 from nico_tabletop.scene import SLOT_XY
@@ -19,7 +20,6 @@ from nico_tabletop.tasks import ACTIONS, SLOTS, Action, find_action
 pytest.importorskip("mink", reason="the scripted expert needs the extra `scripted`")
 from clant_claeo.expert import OutOfReachError, plan
 
-EPISODE_STEPS = 90
 STILL = np.zeros((len(SLOTS), 2))
 
 

@@ -4,7 +4,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +11,8 @@ from numpy.typing import NDArray
 from nico_tabletop.objects import SUITES
 from nico_tabletop.tasks import ACTIONS, Action, arrangements, find_action
 
-from .release import Release
+from .release import Arrangement, Release, Split
 from .wordings import wordings
-
-Split = Literal["train", "test"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +29,7 @@ class Demonstration:
     """
 
     action: Action
-    arrangement: tuple[str, str, str]
+    arrangement: Arrangement
     joints: NDArray[np.float64]
     wordings: tuple[str, ...]
     translation: tuple[str, str] | None

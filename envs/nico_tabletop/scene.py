@@ -74,9 +74,9 @@ def build_model(objects: tuple[TabletopObject, ...]) -> mujoco.MjModel:
     """
     root = fromstring(_BASE)
     asset, worldbody, actuator = (next(root.iter(tag)) for tag in ("asset", "worldbody", "actuator"))
-    table = {"name": "table", "type": "box", "material": "wood", "contype": "8", "conaffinity": "4"}
+    table = {"name": "table", "class": "solid", "type": "box", "material": "wood"}
     place = {"size": text(*_TABLE), "pos": text(0.42, 0, TABLE_HEIGHT - _TABLE[2])}
-    SubElement(worldbody, "geom", table | place | {"friction": "0.9854 0.005 0.0001"})
+    SubElement(worldbody, "geom", table | place | {"contype": "8", "conaffinity": "4", "group": "0"})
     SubElement(
         worldbody,
         "camera",
