@@ -157,13 +157,21 @@ class OWLxT5Policy(PreTrainedPolicy):
         encoding, mask = self.language.encode(lessons.prompts, pose.device)
         output = self.core(encoding, mask, visual, joints, steps)
 
-        true_step = (step < length[:, None]).unsqueeze(-1)
-        error = (output.actions - target[:, :steps]).square() * true_step
-        joint_loss = error.sum() / (true_step.sum() * error.shape[-1])
+        # LeRobot draws frames, so a long episode comes more often; every episode is to count the same, as in
+        # the paper's epochs.
+        share = length.reciprocal() / length.reciprocal().mean()
+        true_step = step < length[:, None]
+        error = (output.actions - target[:, :steps]).square().mean(dim=-1)
+        joint_loss = (error * true_step).sum(dim=1) / length
         # Where a pose is held, there is nothing to wait for: stop from the first step on.
         stopped = (step >= length[:, None] - 1) | ~moves[:, None]
-        stop_loss = binary_cross_entropy_with_logits(output.stop_logits, stopped.to(output.stop_logits))
-        language_loss = self._language_loss(encoding, mask, output.change, lessons).mean()
+        stop_loss = binary_cross_entropy_with_logits(
+            output.stop_logits, stopped.to(output.stop_logits), reduction="none"
+        ).mean(dim=1)
+        language_loss = self._language_loss(encoding, mask, output.change, lessons)
+        joint_loss, language_loss, stop_loss = (
+            (share * term).mean() for term in (joint_loss, language_loss, stop_loss)
+        )
 
         loss = joint_loss + language_loss + stop_loss
         return loss, {
