@@ -17,9 +17,9 @@ from tqdm import tqdm
 
 from clant_claeo.demonstrations import from_release
 from clant_claeo.release import read_release
-from nico_tabletop.env import EPISODE_STEPS
 from nico_tabletop.objects import SUITES
-from nico_tabletop.scoring import Outcome, judge
+from nico_tabletop.replay import replay
+from nico_tabletop.scoring import Outcome
 from nico_tabletop.simulation import TabletopSimulation
 
 
@@ -32,14 +32,11 @@ def main() -> None:
     motions: dict[str, list[tuple[float, float]]] = defaultdict(list)
     began = time.perf_counter()
     for demonstration in tqdm(list(from_release(release, suite)), unit="episode"):
-        action, joints = demonstration.action, demonstration.joints
+        action = demonstration.action
         simulation.reset(demonstration.arrangement)
         start = simulation.object_positions()
-        for step in range(EPISODE_STEPS):
-            simulation.step(joints[min(step + 1, len(joints) - 1)])
-        end = simulation.object_positions()
-        outcomes[action.name][judge(action, start, end)] += 1
-        motion = (end - start)[action.slot, :2]
+        outcomes[action.name][replay(simulation, action, demonstration.joints)] += 1
+        motion = (simulation.object_positions() - start)[action.slot, :2]
         distance = float(np.linalg.norm(motion))
         angle = np.rad2deg(np.arccos(np.clip(motion @ np.array(action.direction) / distance, -1, 1)))
         motions[action.name].append((100 * distance, float(angle)))

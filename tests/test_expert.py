@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from nico_tabletop.env import EPISODE_STEPS
 from nico_tabletop.objects import SUITES
+from nico_tabletop.replay import replay
 from nico_tabletop.robot import INITIAL_POSE_DEG, joint_limits_deg
 from nico_tabletop.scene import SLOT_XY
-from nico_tabletop.scoring import Outcome, judge
+from nico_tabletop.scoring import Outcome
 from nico_tabletop.simulation import CONTROL_HZ, TabletopSimulation
 from nico_tabletop.tasks import ACTIONS, SLOTS, Action, find_action
 
@@ -28,33 +28,30 @@ def simulation() -> TabletopSimulation:
     return TabletopSimulation(SUITES["clant"])
 
 
-def replay(simulation: TabletopSimulation, action: Action, offsets: NDArray[np.float64]) -> Outcome:
+def act(simulation: TabletopSimulation, action: Action, offsets: NDArray[np.float64]) -> Outcome:
     """Outcome of a plan with the three objects moved off their slots by (x, y) metres each."""
     simulation.reset(tuple(simulation.objects)[: len(SLOTS)])
     for slot, name in enumerate(simulation.arrangement):
         simulation.data.joint(name).qpos[:2] += offsets[slot]
     mujoco.mj_forward(simulation.model, simulation.data)
-    start = simulation.object_positions()
-    rows = plan(action, (start[action.slot, 0], start[action.slot, 1]))
-    for step in range(EPISODE_STEPS):
-        simulation.step(rows[min(step + 1, len(rows) - 1)])
-    return judge(action, start, simulation.object_positions())
+    x, y, _ = simulation.object_positions()[action.slot]
+    return replay(simulation, action, plan(action, (x, y)))
 
 
 @pytest.mark.parametrize("action", ACTIONS, ids=lambda action: action.name)
 def test_every_action_is_perfect(simulation: TabletopSimulation, action: Action) -> None:
-    assert replay(simulation, action, STILL) == Outcome.PERFECT
+    assert act(simulation, action, STILL) == Outcome.PERFECT
 
 
 @pytest.mark.parametrize("action", ACTIONS, ids=lambda action: action.name)
 def test_objects_may_stand_off_their_slots(simulation: TabletopSimulation, action: Action) -> None:
     for off in [(0.005, -0.005), (-0.005, 0.005)]:
-        assert replay(simulation, action, np.tile(off, (len(SLOTS), 1))) == Outcome.PERFECT
+        assert act(simulation, action, np.tile(off, (len(SLOTS), 1))) == Outcome.PERFECT
 
 
 def test_plans_follow_the_place_within_two_centimetres(simulation: TabletopSimulation) -> None:
     random = np.random.default_rng(5)
-    outcomes = [replay(simulation, action, random.uniform(-0.02, 0.02, (3, 2))) for action in ACTIONS]
+    outcomes = [act(simulation, action, random.uniform(-0.02, 0.02, (3, 2))) for action in ACTIONS]
     assert outcomes.count(Outcome.PERFECT) >= 0.9 * len(outcomes)
 
 

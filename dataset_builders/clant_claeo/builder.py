@@ -1,95 +1,58 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replays demonstrations before NICO's eyes and writes what it sees and does as a LeRobotDataset."""
+"""Builds a LeRobotDataset out of demonstrations: takes in parallel processes, then one data set of them all.
 
+Everything unfinished stands in `<root>.unfinished`, which is no data set to LeRobot:
+
+    options.json        what is being built; another build does not mix with it
+    takes/00012/        one complete take each, see `takes`
+    joined/             data sets joined so far; made again after an interruption
+"""
+
+import contextlib
+import io
+import json
 import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import datasets
+from filelock import FileLock, Timeout
 from lerobot.annotations.steerable_pipeline.reader import iter_episodes
 from lerobot.annotations.steerable_pipeline.staging import EpisodeStaging
 from lerobot.annotations.steerable_pipeline.writer import LanguageColumnsWriter
-from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
-from lerobot.datasets.io_utils import write_info
+from lerobot.datasets import LeRobotDatasetMetadata
+from lerobot.datasets.aggregate import aggregate_datasets
+from lerobot.datasets.io_utils import write_info, write_stats
 from lerobot.datasets.language import EXTENDED_STYLES, PERSISTENT_STYLES, language_feature_info
-from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
 from tqdm import tqdm
 
-from nico_tabletop.env import EPISODE_STEPS, describe_objects
-from nico_tabletop.robot import EYES, JOINT_NAMES
-from nico_tabletop.scoring import Outcome, judge
-from nico_tabletop.simulation import CONTROL_HZ, TabletopSimulation
-from nico_tabletop.tasks import SLOTS
+from nico_tabletop.objects import TabletopObject
+from nico_tabletop.scoring import Outcome
 
 from .demonstrations import Demonstration
+from .takes import Studio, Take, make_take, read_take, remove_unfinished, unfinished_takes
+from .workers import Workers, is_disk_full
 
-OBJECTS = "observation.objects"
-"""Ground truth about the objects, see `nico_tabletop.env.describe_objects`."""
-
-_OWN_STYLES = {"translation", "scene", "outcome"}
+_OWN_STYLES = {"translation", "scene"}
 EXTENDED_STYLES.update(_OWN_STYLES)
 PERSISTENT_STYLES.update(_OWN_STYLES)
 
-
-def _features(height: int, width: int, video: bool, objects: int) -> dict[str, dict[str, Any]]:
-    joints = {
-        "dtype": "float32",
-        "shape": (len(JOINT_NAMES),),
-        "names": [f"{name}.pos" for name in JOINT_NAMES],
-    }
-    return {
-        f"{OBS_IMAGES}.{EYES}": {
-            "dtype": "video" if video else "image",
-            "shape": (height, width, 3),
-            "names": ["height", "width", "channels"],
-        },
-        OBS_STATE: joints,
-        ACTION: joints,
-        OBJECTS: {"dtype": "float32", "shape": (objects,), "names": None},
-    }
+_JOINED_AT_ONCE = 12
+"""LeRobot rewrites all that it has joined with each data set that it appends, so many are joined in rounds."""
 
 
-def _replay(simulation: TabletopSimulation, demonstration: Demonstration, dataset: LeRobotDataset) -> Outcome:
-    """Act one demonstration; each frame goes into the data set's episode buffer."""
-    height, width, _ = dataset.features[f"{OBS_IMAGES}.{EYES}"]["shape"]
-    simulation.reset(demonstration.arrangement)
-    start = simulation.object_positions()
-    joints = demonstration.joints
-    targets = np.concatenate([joints[1:], joints[-1:]])
-    for position, target in zip(joints, targets, strict=True):
-        boxes = simulation.object_boxes(width / height)
-        dataset.add_frame(
-            {
-                f"{OBS_IMAGES}.{EYES}": simulation.render(EYES, height, width),
-                OBS_STATE: position.astype(np.float32),
-                ACTION: target.astype(np.float32),
-                OBJECTS: describe_objects(boxes, simulation.arrangement),
-                "task": demonstration.task,
-            }
-        )
-        simulation.step(target)
-    for _ in range(EPISODE_STEPS - len(joints)):
-        simulation.step(joints[-1])
-    return judge(demonstration.action, start, simulation.object_positions())
-
-
-def _language_rows(demonstration: Demonstration, outcome: Outcome) -> list[dict[str, Any]]:
-    """The episode's rows for LeRobot's column `language_persistent`."""
-    scene = ", ".join(f"{slot}: {name}" for slot, name in zip(SLOTS, demonstration.arrangement, strict=True))
-    rows = [("user", "task_aug", wording) for wording in demonstration.wordings]
-    if demonstration.translation:
-        english, german = demonstration.translation
-        rows += [("user", "translation", english), ("assistant", "translation", german)]
-    rows += [("user", "scene", scene), ("user", "outcome", str(outcome))]
-    return [{"role": role, "style": style, "content": text, "timestamp": 0.0} for role, style, text in rows]
+class BuildError(RuntimeError):
+    """A build stopped before its end, or cannot begin; the message says what to do."""
 
 
 def build_dataset(
     demonstrations: Sequence[Demonstration],
-    simulation: TabletopSimulation,
+    objects: tuple[TabletopObject, ...],
     repo_id: str,
     root: Path,
     *,
@@ -97,64 +60,127 @@ def build_dataset(
     width: int,
     video: bool,
     keep_failures: bool,
+    options: Mapping[str, Any],
+    shard: tuple[int, int] = (1, 1),
+    workers: int = 1,
 ) -> Counter[Outcome]:
     """Replay `demonstrations` and write them to `root`, train episodes first and test episodes last.
 
-    The data set is made in a folder beside `root` and moved there when it is complete, so that `root` never
-    holds half of one.
+    Called again after an interruption, it goes on after the last complete take. The tables are the same, byte
+    for byte, however many workers made them and however often they were interrupted.
 
     Args:
         demonstrations: What to replay; at least one.
-        simulation: The world with the objects that the demonstrations name.
+        objects: What the world has; at least what the demonstrations name.
         repo_id: The data set's name on the Hub, such as `me/clant`.
         root: Folder to make.
         height: Rows of the pictures.
         width: Columns of the pictures.
-        video: Store frames as video; as single images (larger, faster to read at random) otherwise.
+        video: Store frames as video; as single images otherwise.
         keep_failures: Also write episodes whose replay fails.
+        options: What tells this build from others, JSON values; a build goes on only with the same.
+        shard: (i, n): the i-th, counted from 1, of n parts of the episodes. Joined in their order, the
+            parts are the whole: test episodes still come last.
+        workers: Parallel processes.
 
     Returns:
         How many replays had which outcome.
 
     Raises:
         FileExistsError: If `root` exists.
+        BuildError: If the build cannot begin, or stopped.
     """
     if root.exists():
         raise FileExistsError(f"{root} exists already; remove it or choose another folder with --root")
-    unfinished = root.with_name(f"{root.name}.unfinished")
-    shutil.rmtree(unfinished, ignore_errors=True)
-    objects = describe_objects(np.zeros((len(SLOTS), 4)), ("",) * len(SLOTS)).size
-    dataset = LeRobotDataset.create(
-        repo_id,
-        fps=CONTROL_HZ,
-        features=_features(height, width, video, objects),
-        root=unfinished,
-        robot_type="nico",
-        use_videos=video,
-        streaming_encoding=video,
-        image_writer_threads=0 if video else 2,
-    )
-    outcomes: Counter[Outcome] = Counter()
-    rows: list[list[dict[str, Any]]] = []
-    splits: Counter[str] = Counter()
+    part, parts = shard
     in_order = sorted(demonstrations, key=lambda demonstration: demonstration.split == "test")
-    for demonstration in tqdm(in_order, desc="Replaying", unit="episode"):
-        outcome = _replay(simulation, demonstration, dataset)
-        outcomes[outcome] += 1
-        if outcome is Outcome.FAILURE and not keep_failures:
-            dataset.clear_episode_buffer()
-            continue
-        dataset.save_episode()
-        rows.append(_language_rows(demonstration, outcome))
-        splits[demonstration.split] += 1
-    dataset.finalize()
-    _write_language(unfinished, rows)
-    meta = LeRobotDatasetMetadata(repo_id, root=unfinished)
-    meta.info.features.update(language_feature_info())
-    meta.info.splits = {"train": f"0:{splits['train']}", "test": f"{splits['train']}:{splits.total()}"}
-    write_info(meta.info, unfinished)
-    unfinished.rename(root)
-    return outcomes
+    chosen = in_order[(part - 1) * len(in_order) // parts : part * len(in_order) // parts]
+    if not chosen:
+        raise BuildError(f"part {part} of {parts} has no episode: there are only {len(in_order)}")
+    unfinished = root.with_name(f"{root.name}.unfinished")
+    studio = Studio(unfinished / "takes", objects, height, width, video, keep_failures)
+    with _reporting_interruptions(studio, len(chosen)):
+        unfinished.mkdir(parents=True, exist_ok=True)
+        with _alone_in(unfinished), Workers(min(workers, len(chosen))) as crew:
+            _check_options(unfinished, options)
+            _make_takes(studio, chosen, crew)
+            takes = [read_take(studio.take(index)) for index in range(len(chosen))]
+            dataset = _join_takes(takes, repo_id, unfinished / "joined", crew)
+            dataset.rename(root)
+            shutil.rmtree(unfinished)
+    return Counter(take.outcome for take in takes)
+
+
+def _check_options(unfinished: Path, options: Mapping[str, Any]) -> None:
+    """Write down what is being built, or compare with what was begun here."""
+    file = unfinished / "options.json"
+    if not file.exists():
+        draft = file.with_suffix(".draft")
+        draft.write_text(json.dumps(options, indent=2), encoding="utf-8")
+        draft.rename(file)
+        return
+    begun = json.loads(file.read_text(encoding="utf-8"))
+    now = json.loads(json.dumps(options))
+    keys = dict.fromkeys([*begun, *now])
+    if differing := [key for key in keys if begun.get(key) != now.get(key)]:
+        raise BuildError(
+            f"{unfinished} holds an unfinished build with other options: "
+            + ", ".join(f"{key} was {begun.get(key)}, is now {now.get(key)}" for key in differing)
+            + ". Give the same options to go on, or delete that folder to start afresh."
+        )
+
+
+def _make_takes(studio: Studio, demonstrations: Sequence[Demonstration], crew: Workers) -> None:
+    remove_unfinished(studio.folder)
+    missing = [
+        (index, demonstration)
+        for index, demonstration in enumerate(demonstrations)
+        if not studio.take(index).exists()
+    ]
+    frames = 0
+    done = len(demonstrations) - len(missing)
+    with tqdm(total=len(demonstrations), initial=done, desc="Replaying", unit="episode") as bar:
+        for count in crew.run(partial(make_take, studio), missing):
+            frames += count
+            bar.set_postfix_str(f"{frames / bar.format_dict['elapsed']:.0f} frames/s", refresh=False)
+            bar.update()
+
+
+def _join_takes(takes: Sequence[Take], repo_id: str, folder: Path, crew: Workers) -> Path:
+    """One data set of all takes, with language, splits and statistics; its folder."""
+    kept = [take for take in takes if take.dataset is not None]
+    if not kept:
+        raise BuildError("no demonstration succeeded, so there is nothing to write")
+    shutil.rmtree(folder, ignore_errors=True)
+    parts = [take.dataset for take in kept if take.dataset is not None]
+    level = 0
+    while level == 0 or len(parts) > 1:
+        groups = [parts[at : at + _JOINED_AT_ONCE] for at in range(0, len(parts), _JOINED_AT_ONCE)]
+        targets = [folder / str(level) / f"{index:04d}" for index in range(len(groups))]
+        jobs = list(zip(groups, targets, strict=True))
+        done = crew.run(partial(_join, repo_id), jobs)
+        for _ in tqdm(done, total=len(jobs), desc=f"Joining, round {level + 1}", unit="group"):
+            pass
+        if level > 0:
+            shutil.rmtree(folder / str(level - 1))
+        parts, level = targets, level + 1
+    [dataset] = parts
+    with _scratch(folder):
+        _write_language(dataset, [take.language for take in kept])
+        meta = LeRobotDatasetMetadata(repo_id, root=dataset)
+        meta.info.features.update(language_feature_info())
+        train = sum(take.split == "train" for take in kept)
+        meta.info.splits = {"train": f"0:{train}", "test": f"{train}:{len(kept)}"}
+        write_info(meta.info, dataset)
+        # LeRobot leaves them in an order that changes from run to run.
+        write_stats(dict(sorted(meta.stats.items())), dataset)
+    return dataset
+
+
+def _join(repo_id: str, group: tuple[Sequence[Path], Path]) -> None:
+    sources, target = group
+    with _scratch(target.parent), contextlib.redirect_stderr(io.StringIO()):  # three progress bars
+        aggregate_datasets([repo_id] * len(sources), repo_id, list(sources), target)
 
 
 def _write_language(root: Path, rows: Sequence[list[dict[str, Any]]]) -> None:
@@ -163,3 +189,54 @@ def _write_language(root: Path, rows: Sequence[list[dict[str, Any]]]) -> None:
         for index, episode_rows in enumerate(rows):
             EpisodeStaging(Path(staging), index).write("plan", episode_rows)
         LanguageColumnsWriter().write_all(list(iter_episodes(root)), Path(staging), root)
+
+
+@contextlib.contextmanager
+def _scratch(folder: Path) -> Iterator[None]:
+    """LeRobot's temporary files and its cache of each table that it opens go below `folder`, and are removed.
+
+    A killed build would leave them in the system's own places for good.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    before = tempfile.tempdir, datasets.config.HF_DATASETS_CACHE
+    scratch = tempfile.mkdtemp(dir=folder, prefix="scratch-")
+    tempfile.tempdir, datasets.config.HF_DATASETS_CACHE = scratch, Path(scratch)
+    try:
+        yield
+    finally:
+        tempfile.tempdir, datasets.config.HF_DATASETS_CACHE = before
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _alone_in(unfinished: Path) -> Iterator[None]:
+    """Two builds in one folder would remove each other's takes; the lock ends with its process."""
+    try:
+        with FileLock(unfinished / "lock", timeout=0):
+            yield
+    except Timeout:
+        raise BuildError(f"another process is building in {unfinished}; let it finish first") from None
+
+
+@contextlib.contextmanager
+def _reporting_interruptions(studio: Studio, total: int) -> Iterator[None]:
+    try:
+        yield
+    except BrokenProcessPool:
+        begun = " or ".join(str(index) for index in unfinished_takes(studio.folder))
+        doing = f"while making episode {begun}" if begun else "between two episodes"
+        why = f"a worker process died {doing} (killed, or out of memory?)"
+        hint = "fewer --workers take less memory"
+        raise BuildError(_interruption(studio, total, why, hint)) from None
+    except Exception as error:
+        if not is_disk_full(error):
+            raise
+        raise BuildError(_interruption(studio, total, "the disk is full", "make room first")) from None
+
+
+def _interruption(studio: Studio, total: int, why: str, hint: str) -> str:
+    complete = sum(studio.take(index).exists() for index in range(total))
+    return (
+        f"{why}. Nothing is lost: {complete} of {total} episodes are complete in {studio.folder.parent}. "
+        f"Run the same command again to go on from there; {hint}."
+    )

@@ -1,23 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """`owlxt5-dataset`: make CLANT or CLAEO as a LeRobotDataset."""
 
-import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import av
-import datasets
 import draccus
 from lerobot.utils.constants import HF_LEROBOT_HOME
 from rich.console import Console
 
 from nico_tabletop.objects import SUITES
-from nico_tabletop.simulation import TabletopSimulation
 
-from .builder import build_dataset
+from .builder import BuildError, build_dataset
 from .demonstrations import Demonstration, from_release, scripted
 from .release import ReleaseError, read_release
+from .workers import quiet, usable_cores
+
+_FREE_TO_CHANGE = ("root", "repo_id", "workers")  # without any effect on the episodes
 
 
 @dataclass
@@ -39,6 +38,10 @@ class DatasetConfig:
     width: int = 640
     # Store frames as video (small); false: as single images (faster to read at random).
     video: bool = True
+    # `i/n`: build only the i-th of n parts of the episodes, a data set of its own.
+    shard: str | None = None
+    # Parallel processes; as many as there are usable cores when unset.
+    workers: int | None = None
 
 
 def _demonstrations(config: DatasetConfig) -> list[Demonstration]:
@@ -57,11 +60,24 @@ def _demonstrations(config: DatasetConfig) -> list[Demonstration]:
     return [demonstration for demonstration in found if demonstration.arrangement in chosen]
 
 
+def _shard(text: str | None) -> tuple[int, int]:
+    if text is None:
+        return 1, 1
+    part, slash, parts = text.partition("/")
+    if not (slash and part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+        raise ValueError(f"--shard must be i/n with i from 1 to n, such as 2/4; got {text!r}")
+    return int(part), int(parts)
+
+
 @draccus.wrap()
 def _make(config: DatasetConfig) -> None:
     console = Console()
     if config.suite not in SUITES:
         raise ValueError(f"--suite must be one of {', '.join(SUITES)}; got {config.suite!r}")
+    workers = usable_cores() if config.workers is None else config.workers
+    if workers < 1:
+        raise ValueError(f"--workers must be at least 1; got {workers}")
+    shard = _shard(config.shard)
     repo_id = config.repo_id or f"local/{config.suite}"
     root = config.root or HF_LEROBOT_HOME / repo_id
     demonstrations = _demonstrations(config)
@@ -69,7 +85,7 @@ def _make(config: DatasetConfig) -> None:
     console.print(f"{len(demonstrations)} demonstrations of {kind} on {config.suite}")
     outcomes = build_dataset(
         demonstrations,
-        TabletopSimulation(SUITES[config.suite]),
+        SUITES[config.suite],
         repo_id,
         root,
         height=config.height,
@@ -77,6 +93,9 @@ def _make(config: DatasetConfig) -> None:
         video=config.video,
         # The release is kept whole; a script that failed demonstrates nothing.
         keep_failures=config.source != "scripted",
+        options={key: value for key, value in draccus.encode(config).items() if key not in _FREE_TO_CHANGE},
+        shard=shard,
+        workers=workers,
     )
     console.print("Replays: " + ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items()))
     console.print(f"Data set: {root}", soft_wrap=True)
@@ -86,13 +105,13 @@ def _make(config: DatasetConfig) -> None:
 
 def main() -> None:
     """Entry point; an error that the user can mend ends in one message and exit status 1."""
-    # One progress bar is enough: the encoder, the muxer and the data set library each report every episode.
-    os.environ.setdefault("SVT_LOG", "1")
-    av.logging.set_level(av.logging.ERROR)
-    datasets.disable_progress_bars()
+    quiet()
     try:
         _make()
-    except (ReleaseError, FileExistsError, ModuleNotFoundError, ValueError) as error:
+    except KeyboardInterrupt:
+        print("\nowlxt5-dataset: interrupted; the same command goes on after the last complete episode")
+        sys.exit(130)
+    except (BuildError, ReleaseError, FileExistsError, ModuleNotFoundError, ValueError) as error:
         sys.exit(f"owlxt5-dataset: {error}")
 
 

@@ -97,14 +97,43 @@ class TabletopSimulation:
         """Middles of the objects on the left, middle and right slot, shape (3, 3), metres."""
         return np.array([self.data.body(name).xpos for name in self.arrangement])
 
-    def render(self, camera: str, height: int, width: int) -> NDArray[np.uint8]:
-        """Picture of a camera, shape (height, width, 3), RGB."""
+    def _renderer(self, height: int, width: int) -> mujoco.Renderer:
         # The GL context is made on first use, inside the process that renders.
         renderer = self._renderers.get((height, width))
         if renderer is None:
             renderer = self._renderers[height, width] = mujoco.Renderer(self.model, height, width)
+        return renderer
+
+    def render(self, camera: str, height: int, width: int) -> NDArray[np.uint8]:
+        """Picture of a camera, shape (height, width, 3), RGB."""
+        renderer = self._renderer(height, width)
         renderer.update_scene(self.data, camera)
         return renderer.render()
+
+    def segmented_boxes(self, camera: str, height: int, width: int) -> NDArray[np.float64]:
+        """Ground truth: the boxes of what a camera's picture shows of the three objects, pixel by pixel.
+
+        Unlike `object_boxes`, a hand in front of an object makes its box smaller.
+
+        Returns:
+            Shape (3, 4): x0, y0, x1, y1 as in `object_boxes`; all -1 for an object of which nothing is seen.
+        """
+        renderer = self._renderer(height, width)
+        renderer.enable_segmentation_rendering()
+        try:
+            renderer.update_scene(self.data, camera)
+            ids, kinds = np.moveaxis(renderer.render(), -1, 0)
+        finally:
+            renderer.disable_segmentation_rendering()
+        # Geom -1, the background, is no geom: it takes body 0, the world.
+        bodies = np.where(kinds == mujoco.mjtObj.mjOBJ_GEOM, self.model.geom_bodyid[ids], 0)
+        boxes = np.full((len(self.arrangement), 4), -1.0)
+        for index, name in enumerate(self.arrangement):
+            rows, columns = np.nonzero(bodies == self.model.body(name).id)
+            if rows.size:
+                corners = columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
+                boxes[index] = np.array(corners) / [width, height, width, height]
+        return boxes
 
     def object_boxes(self, aspect: float) -> NDArray[np.float64]:
         """Ground truth: the boxes of the three objects in the eye camera's picture.

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs pieces of work in parallel processes that neither outlive this one nor die unnoticed."""
+
+import errno
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing.connection import wait
+from types import TracebackType
+from typing import Any, Self
+
+import av
+import datasets
+
+
+def quiet() -> None:
+    """Our progress bar is enough: encoder, muxer and data set library each report every episode."""
+    os.environ.setdefault("SVT_LOG", "1")
+    av.logging.set_libav_level(av.logging.ERROR)  # LeRobot takes Python's logging of it off again
+    datasets.disable_progress_bars()
+
+
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _end_with_parent() -> None:
+    """An executor's worker would wait for work for ever if its parent was killed."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    wait([parent.sentinel])
+    os._exit(1)
+
+
+def is_disk_full(error: BaseException) -> bool:
+    """Whether an error means that nothing more can be written; LeRobot's encoder hands on its text alone."""
+    return any(os.strerror(code) in str(error) for code in (errno.ENOSPC, errno.EDQUOT))
+
+
+def _call[Item, Result](function: Callable[[Item], Result], item: Item) -> Result:
+    """Errors of the video library do not travel between processes; a full disk's must arrive."""
+    try:
+        return function(item)
+    except Exception as error:
+        if is_disk_full(error):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from None
+        raise
+
+
+def _begin() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the parent alone decides
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    quiet()
+
+
+class Workers:
+    """A number of processes that run functions; with one, the calling process does the work itself.
+
+    The processes are spawned, because a GL context does not survive a fork.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._executor: ProcessPoolExecutor | None = None
+        if count > 1:
+            context = multiprocessing.get_context("spawn")
+            self._executor = ProcessPoolExecutor(count, context, initializer=_begin)
+
+    def run[Item, Result](
+        self, function: Callable[[Item], Result], items: Iterable[Item]
+    ) -> Iterator[Result]:
+        """Results in the order in which they are ready; the first error ends the work.
+
+        Raises:
+            BrokenProcessPool: If a worker process died (`concurrent.futures.process`).
+        """
+        if self._executor is None:
+            yield from map(function, items)
+            return
+        for future in as_completed([self._executor.submit(_call, function, item) for item in items]):
+            yield future.result()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: Any, where: TracebackType | None) -> None:
+        if self._executor is not None:
+            self._executor.shutdown(cancel_futures=True)
