@@ -35,6 +35,7 @@ from nico_tabletop.objects import TabletopObject
 from nico_tabletop.scoring import Outcome
 
 from .demonstrations import Demonstration
+from .release import Split
 from .takes import Studio, Take, make_take, read_take, remove_unfinished, unfinished_takes
 from .workers import Workers, is_disk_full
 
@@ -43,7 +44,7 @@ EXTENDED_STYLES.update(_OWN_STYLES)
 PERSISTENT_STYLES.update(_OWN_STYLES)
 
 _JOINED_AT_ONCE = 12
-"""LeRobot rewrites all that it has joined with each data set that it appends, so many are joined in rounds."""
+"""With each data set that it appends, LeRobot rewrites all before; so many are joined in rounds."""
 
 
 class BuildError(RuntimeError):
@@ -169,12 +170,18 @@ def _join_takes(takes: Sequence[Take], repo_id: str, folder: Path, crew: Workers
         _write_language(dataset, [take.language for take in kept])
         meta = LeRobotDatasetMetadata(repo_id, root=dataset)
         meta.info.features.update(language_feature_info())
-        train = sum(take.split == "train" for take in kept)
-        meta.info.splits = {"train": f"0:{train}", "test": f"{train}:{len(kept)}"}
+        meta.info.splits = _splits([take.split for take in kept])
         write_info(meta.info, dataset)
         # LeRobot leaves them in an order that changes from run to run.
         write_stats(dict(sorted(meta.stats.items())), dataset)
     return dataset
+
+
+def _splits(in_order: Sequence[Split]) -> dict[str, str]:
+    """LeRobot's splits, `{"train": "0:9", "test": "9:12"}`; a shard may lack one."""
+    train = in_order.count("train")
+    ranges = {"train": (0, train), "test": (train, len(in_order))}
+    return {name: f"{start}:{end}" for name, (start, end) in ranges.items() if start < end}
 
 
 def _join(repo_id: str, group: tuple[Sequence[Path], Path]) -> None:
