@@ -12,6 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 from lerobot.datasets import LeRobotDataset
 from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
@@ -135,7 +136,7 @@ def make_take(studio: Studio, numbered: tuple[int, Demonstration]) -> int:
 
 def _record(studio: Studio, demonstration: Demonstration, folder: Path) -> Take:
     simulation = _simulation(studio.objects)
-    height, width = studio.height, studio.width
+    height, width, joints = studio.height, studio.width, demonstration.joints
     objects = describe_objects(np.zeros((len(SLOTS), 4)), ("",) * len(SLOTS)).size
     dataset = LeRobotDataset.create(
         "local/take",
@@ -148,9 +149,9 @@ def _record(studio: Studio, demonstration: Demonstration, folder: Path) -> Take:
         video_backend="pyav",
         streaming_encoding=studio.video,
         encoder_threads=1,  # other takes use the other cores
+        encoder_queue_maxsize=len(joints),  # LeRobot drops frames that do not fit
         image_writer_threads=0 if studio.video else 2,
     )
-    joints = demonstration.joints
     targets = np.concatenate([joints[1:], joints[-1:]])
     boxes: dict[str, dict[str, list[float]]] = {}
 
@@ -177,9 +178,18 @@ def _record(studio: Studio, demonstration: Demonstration, folder: Path) -> Take:
         return Take(None, 0, demonstration.split, outcome, [])
     dataset.save_episode()
     dataset.finalize()
+    _check_videos(folder, len(joints))
     return Take(
         folder, len(joints), demonstration.split, outcome, _language_rows(demonstration, outcome, boxes)
     )
+
+
+def _check_videos(folder: Path, frames: int) -> None:
+    """LeRobot only logs it if its encoder loses frames or does not end in time."""
+    for path in folder.glob("videos/**/*.mp4"):
+        with av.open(str(path)) as video:
+            if (written := video.streams.video[0].frames) != frames:
+                raise OSError(f"{path} has {written} frames instead of {frames}")
 
 
 def _named(simulation: TabletopSimulation, boxes: NDArray[np.float64]) -> dict[str, list[float]]:
