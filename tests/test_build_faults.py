@@ -123,6 +123,7 @@ check = takes._check_videos
 
 
 def test_a_demonstration_that_fails_is_not_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("nico_tabletop.replay.judge", lambda *_: Outcome.FAILURE)
     with pytest.raises(BuildError, match="no demonstration succeeded"):
         build(tmp_path / "none", keep_failures=False)
     outcomes = iter([Outcome.PERFECT, Outcome.FAILURE, Outcome.SUCCESSFUL, Outcome.FAILURE, Outcome.PERFECT])

@@ -36,9 +36,18 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def is_disk_full(error: BaseException) -> bool:
-    """Whether an error means that nothing more can be written; LeRobot's encoder hands on its text alone."""
-    return any(os.strerror(code) in str(error) for code in (errno.ENOSPC, errno.EDQUOT))
+def is_disk_full(error: BaseException | None) -> bool:
+    """Whether an error comes from there being no room to write.
+
+    LeRobot's encoder hands on nothing but the text, and the data set library hides the cause behind errors of
+    its own or words it differently.
+    """
+    said = (os.strerror(errno.ENOSPC), os.strerror(errno.EDQUOT), "Not enough disk space")
+    while error is not None:
+        if any(text in str(error) for text in said):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def _call[Item, Result](function: Callable[[Item], Result], item: Item) -> Result:
