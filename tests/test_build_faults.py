@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from lerobot.datasets import LeRobotDataset
 
 from clant_claeo import takes
 from clant_claeo.builder import BuildError, build_dataset
-from clant_claeo.cli import _shard
+from clant_claeo.cli import DatasetConfig, _demonstrations, _shard
 from clant_claeo.demonstrations import Demonstration
 from commands import ENVIRONMENT, run
 from nico_tabletop.objects import SUITES
@@ -49,9 +49,9 @@ def demonstrations(count: int = 5) -> list[Demonstration]:
     return made
 
 
-def build(root: Path, **options: Any) -> None:
+def build(root: Path, acted: Sequence[Demonstration] = (), **options: Any) -> None:
     given = {"keep_failures": True, "height": 48, "width": 64, "video": True, "options": {"suite": "claeo"}}
-    build_dataset(demonstrations(), SUITES["claeo"], "local/x", root, **given | options)
+    build_dataset(acted or demonstrations(), SUITES["claeo"], "local/x", root, **given | options)
 
 
 @pytest.fixture(scope="module")
@@ -207,7 +207,8 @@ def test_a_build_survives_the_death_of_its_processes(tmp_path: Path):
     assert len(gone) >= 2
     assert not root.exists()
 
-    run(*map(str, command))
-    run(*COMMAND, f"--root={tmp_path / 'unbroken'}", "--workers=1")
+    run(COMMAND[0], *COMMAND[1:], f"--root={root}", "--workers=1")
+    same = _demonstrations(DatasetConfig(suite="claeo", arrangements=1))
+    build(tmp_path / "unbroken", same, keep_failures=False, shard=(1, 3))
     assert tables(root) == tables(tmp_path / "unbroken")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["data", "unbroken"]
