@@ -11,8 +11,8 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 arrangements=${1:-4}
-steps=${2:-1000}
-episodes=${3:-1}
+steps=${2:-800}
+episodes=${3:-2}
 out=outputs/demo
 # A computer with few cores is faster when data loading, simulation and training use one thread each.
 export OMP_NUM_THREADS=1 HF_HUB_OFFLINE=1
