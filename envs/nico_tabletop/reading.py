@@ -4,9 +4,10 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import isfinite
 from typing import Any
 
+_HUGE = 1e6  # beyond it MuJoCo's single precision ends
 _WORDS = re.compile(r"[^\W_]+(?:[ '-][^\W_]+)*")
 
 
@@ -49,7 +50,7 @@ class Value:
             raise self.error(f"expected a list of {least} or more {label}s; got {self.content!r}")
         return [Value(item, (*self.place, f"{label} {n}")) for n, item in enumerate(self.content, 1)]
 
-    def number(self, least: float = -inf, most: float = inf) -> float:
+    def number(self, least: float = -_HUGE, most: float = _HUGE) -> float:
         """A finite number from `least` to `most`."""
         number = self.content
         if isinstance(number, bool) or not isinstance(number, int | float) or not isfinite(number):
@@ -62,7 +63,7 @@ class Value:
         """A length in metres, from a tenth of a millimetre up."""
         return self.number(least=1e-4)
 
-    def numbers(self, *counts: int, least: float = -inf, most: float = inf) -> tuple[float, ...]:
+    def numbers(self, *counts: int, least: float = -_HUGE, most: float = _HUGE) -> tuple[float, ...]:
         """As many numbers as one of `counts`."""
         if not isinstance(self.content, list) or len(self.content) not in counts:
             raise self.error(
