@@ -14,6 +14,8 @@ from nico_tabletop.tasks import ACTIONS, Action, arrangements, find_action
 from .release import Arrangement, Release, Split
 from .wordings import wordings
 
+_ARRANGEMENTS = 120  # of CLANT: all ordered triples of its six cubes
+
 
 @dataclass(frozen=True, eq=False)
 class Demonstration:
@@ -39,10 +41,6 @@ class Demonstration:
     def task(self) -> str:
         """The canonical command."""
         return self.wordings[0]
-
-
-ARRANGEMENTS = 120
-"""Of CLANT: all ordered triples of its six cubes."""
 
 
 def from_release(
@@ -86,9 +84,9 @@ def from_release(
 def _spread(names: tuple[str, ...]) -> list[Arrangement]:
     """At most 120 arrangements, the same ones each time: of more, a seeded draw."""
     every = arrangements(names)
-    if len(every) <= ARRANGEMENTS:
+    if len(every) <= _ARRANGEMENTS:
         return every
-    chosen = np.random.default_rng(0).choice(len(every), ARRANGEMENTS, replace=False)
+    chosen = np.random.default_rng(0).choice(len(every), _ARRANGEMENTS, replace=False)
     return [every[index] for index in sorted(chosen)]
 
 

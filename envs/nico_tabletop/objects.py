@@ -266,12 +266,11 @@ def _check_size(value: Value, item: TabletopObject) -> None:
     low, high = points.min(axis=0), points.max(axis=0)
     centimetres = " x ".join(f"{100 * edge:.4g}" for edge in high - low)
     reach = np.abs([low[:2], high[:2]]).max()
-    hint = "lengths are metres; a `scale` changes them all, 0.001 for a mesh in millimetres"
-    if reach > _REACH or high[2] > _TALLEST:
-        limits = f"{100 * _REACH:g} cm sideways from its middle and {100 * _TALLEST:g} cm up"
+    hint = "lengths are metres, and `scale` changes them all (0.001 for a mesh in millimetres)"
+    if not (reach <= _REACH and high[2] <= _TALLEST):
         raise value.error(
-            f"it is {centimetres} cm and may reach {limits}, it reaches {100 * reach:.4g} and "
-            f"{100 * high[2]:.4g}; {hint}"
+            f"it is {centimetres} cm and reaches {100 * reach:.4g} cm sideways from its middle and "
+            f"{100 * high[2]:.4g} cm up, where {100 * _REACH:g} and {100 * _TALLEST:g} are allowed; {hint}"
         )
     if (high - low).max() < _SMALLEST:
         raise value.error(f"it is {centimetres} cm, too small to be seen; {hint}")
