@@ -12,7 +12,7 @@ cd "$(dirname "$0")/.."
 
 arrangements=${1:-4}
 steps=${2:-1000}
-episodes=${3:-1}
+episodes=${3:-2}
 out=outputs/demo
 # A computer with few cores is faster when data loading, simulation and training use one thread each.
 export OMP_NUM_THREADS=1 HF_HUB_OFFLINE=1
@@ -26,7 +26,7 @@ step() {
     shift 2
     printf '\n== %s\n' "$title"
     printf '   %s\n' "$*"
-    "$@" >"$log" 2>&1 &
+    "$@" <&0 >"$log" 2>&1 &
     local job=$! bar
     while kill -0 $job 2>/dev/null; do
         sleep 2
@@ -47,21 +47,20 @@ mkdir -p $out
 source=${OWLXT5_CLANT_DIR:-scripted}
 data=$out/clant
 
-step "1/5 Data set: $arrangements of 120 arrangements of cubes" dataset \
+step "1/4 Data set: $arrangements of 120 arrangements of cubes" dataset \
     owlxt5-dataset --suite=clant --source="$source" --arrangements=$arrangements --root=$data \
     --height=240 --width=320
-step "2/5 A small T5 without any knowledge, to be trained along" t5 \
+step "2/4 A small T5 without any knowledge, to be trained along" t5 \
     python -m lerobot_owlxt5.backbones --output_dir=$out/t5 --dataset_root=$data
 # The train split stands at the beginning: "0:36" means episodes 0 to 35.
 train=$(python -c "import json; print(json.load(open('$data/meta/info.json'))['splits']['train'][2:])")
-step "3/5 Training on the $train episodes of the train split" train \
+step "3/4 Training on the $train episodes of the train split" train \
     lerobot-train --config_path=configs/demo_train.yaml --dataset.root=$data --policy.language_model=$out/t5 \
     --output_dir=$out/train --steps=$steps --dataset.episodes="[$(seq -s, 0 $((train - 1)))]"
-for suite in clant claeo; do
-    step "$([ $suite = clant ] && echo 4/5 || echo 5/5) Evaluation on $suite" eval_$suite \
-        lerobot-eval --policy.path=$out/train/checkpoints/last/pretrained_model --env.type=$suite \
-        --eval.n_episodes=$episodes --eval.batch_size=1 --output_dir=$out/eval_$suite --policy.device=cpu
-done
+# Both suites side by side: each evaluation keeps one core busy.
+printf 'clant\nclaeo\n' | step "4/4 Evaluation on cubes and on everyday objects" eval \
+    xargs -P 2 -I SUITE lerobot-eval --policy.path=$out/train/checkpoints/last/pretrained_model --env.type=SUITE \
+    --eval.n_episodes=$episodes --eval.batch_size=1 --output_dir=$out/eval_SUITE --policy.device=cpu
 
 printf '\n== Results\n'
 python -m nico_tabletop.report $out/eval_clant/eval_info.json $out/eval_claeo/eval_info.json \

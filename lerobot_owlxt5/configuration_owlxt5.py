@@ -51,6 +51,7 @@ class OWLxT5Config(PreTrainedConfig):
         n_lstm_layers: Layers of the action encoder and of the action decoder.
         mode_probabilities: How often each mode is drawn in training. A mode that the dataset has no text for
             (translate) gives its share to the others.
+        joint_loss_weight: Weight of the action path's loss beside the language loss; 1 in the paper.
         max_text_tokens: Longest text that `describe` and `translate` generate, in tokens.
         tasks: Task texts of the training data; filled in when training starts. They name the objects that
             `describe` looks for, and the tasks that the policy knows beside its own verbs.
@@ -79,6 +80,7 @@ class OWLxT5Config(PreTrainedConfig):
 
     # Training and generation.
     mode_probabilities: dict[str, float] = field(default_factory=_default_mode_probabilities)
+    joint_loss_weight: float = 1.0
     max_text_tokens: int = 128
     tasks: list[str] | None = None
     optimizer_lr: float = 1e-5
@@ -99,6 +101,8 @@ class OWLxT5Config(PreTrainedConfig):
                 "repeat_action must be above 0 (not every dataset can be translated); it is "
                 f"{self.mode_probabilities}."
             )
+        if self.joint_loss_weight <= 0:
+            raise ValueError(f"--policy.joint_loss_weight must be above 0, not {self.joint_loss_weight}.")
         if self.max_episode_steps < 1:
             raise ValueError(f"--policy.max_episode_steps must be at least 1, not {self.max_episode_steps}.")
         if self.dim_model % self.n_heads or self.dim_model % 2:

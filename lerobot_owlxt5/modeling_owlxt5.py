@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from lerobot.datasets import LeRobotDatasetMetadata
 
 DIM_VISUAL = 2
+# The stop output is our addition; it shares the action decoder, and must not outshout the joints there.
+STOP_LOSS_WEIGHT = 0.1
 # An object whose centre moved less than this share of the image has not moved: the detector's noise.
 DETECTION_NOISE = 0.02
 
@@ -173,7 +175,7 @@ class OWLxT5Policy(PreTrainedPolicy):
             (share * term).mean() for term in (joint_loss, language_loss, stop_loss)
         )
 
-        loss = joint_loss + language_loss + stop_loss
+        loss = language_loss + self.config.joint_loss_weight * (joint_loss + STOP_LOSS_WEIGHT * stop_loss)
         return loss, {
             "joint_loss": joint_loss.item(),
             "language_loss": language_loss.item(),

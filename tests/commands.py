@@ -7,7 +7,12 @@ import sys
 from pathlib import Path
 
 _BIN = Path(sys.executable).parent
-ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "HF_HUB_OFFLINE": "1", "COLUMNS": "200"}
+# Without MUJOCO_GL: users need not know it, on a machine with or without a screen.
+ENVIRONMENT = {key: value for key, value in os.environ.items() if key != "MUJOCO_GL"} | {
+    "OMP_NUM_THREADS": "1",
+    "HF_HUB_OFFLINE": "1",
+    "COLUMNS": "200",
+}
 
 
 def run(command: str, *arguments: str | Path) -> str:

@@ -9,7 +9,7 @@ import draccus
 from lerobot.utils.constants import HF_LEROBOT_HOME
 from rich.console import Console
 
-from nico_tabletop.objects import SUITES
+from nico_tabletop.objects import SUITES, read_objects
 
 from .builder import BuildError, build_dataset
 from .demonstrations import Demonstration, from_release, scripted
@@ -27,7 +27,9 @@ class DatasetConfig:
     suite: str = "clant"
     # The folder CLANT of the original release, or `scripted` for the built-in expert (needs no download).
     source: str = "scripted"
-    # Name on the Hub; `local/<suite>` when unset.
+    # Set of objects: a shipped one (`clant`, `claeo`, `household`) or a YAML file; unset: the suite's own.
+    objects: str | None = None
+    # Name on the Hub; `local/<suite>` when unset, or `local/<set of objects>`.
     repo_id: str | None = None
     # Folder to make; LeRobot's own place for `repo_id` when unset.
     root: Path | None = None
@@ -46,9 +48,10 @@ class DatasetConfig:
 
 def _demonstrations(config: DatasetConfig) -> list[Demonstration]:
     if config.source == "scripted":
-        found = list(scripted(config.suite))
+        found = list(scripted(config.objects or config.suite))
     else:
-        found = list(from_release(read_release(config.source), config.suite))
+        objects = read_objects(config.objects) if config.objects else None
+        found = list(from_release(read_release(config.source), config.suite, objects))
     if config.arrangements is None:
         return found
     known = list(dict.fromkeys(demonstration.arrangement for demonstration in found))
@@ -78,14 +81,16 @@ def _make(config: DatasetConfig) -> None:
     if workers < 1:
         raise ValueError(f"--workers must be at least 1; got {workers}")
     shard = _shard(config.shard)
-    repo_id = config.repo_id or f"local/{config.suite}"
+    objects = config.objects or config.suite
+    name = Path(objects).stem
+    repo_id = config.repo_id or f"local/{name}"
     root = config.root or HF_LEROBOT_HOME / repo_id
     demonstrations = _demonstrations(config)
     kind = "the scripted expert" if config.source == "scripted" else "the original release"
-    console.print(f"{len(demonstrations)} demonstrations of {kind} on {config.suite}")
+    console.print(f"{len(demonstrations)} demonstrations of {kind} on {name}")
     outcomes = build_dataset(
         demonstrations,
-        SUITES[config.suite],
+        read_objects(objects),
         repo_id,
         root,
         height=config.height,

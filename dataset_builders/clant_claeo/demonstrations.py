@@ -1,18 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is demonstrated: action, objects, joint trajectory and language, from the release or from a script."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_tabletop.objects import SUITES
+from nico_tabletop.objects import SUITES, TabletopObject, read_objects
 from nico_tabletop.tasks import ACTIONS, Action, arrangements, find_action
 
 from .release import Arrangement, Release, Split
 from .wordings import wordings
+
+_ARRANGEMENTS = 120  # of CLANT: all ordered triples of its six cubes
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,40 +43,77 @@ class Demonstration:
         return self.wordings[0]
 
 
-def from_release(release: Release, suite: str) -> Iterator[Demonstration]:
+def from_release(
+    release: Release, suite: str, objects: Sequence[TabletopObject] | None = None
+) -> Iterator[Demonstration]:
     """The release's demonstrations, in its order.
 
     For `claeo` the everyday objects take the places of the cubes, colour by colour in alphabetical order; the
     trajectories, the translations and the split stay those of the release (our decision).
+
+    Args:
+        release: The original release.
+        suite: `clant` or `claeo`.
+        objects: Six others in place of CLAEO's.
+
+    Raises:
+        ValueError: If others shall stand in for CLANT's cubes, or if they are not six.
     """
-    objects = {item.name: item for item in SUITES[suite]}
-    stand_in = dict(zip((item.name for item in SUITES["clant"]), objects, strict=True))
+    if objects is not None and suite == "clant":
+        raise ValueError(
+            "the release's own commands name the cubes; other objects take their places with --suite=claeo "
+            "or with --source=scripted"
+        )
+    items = {item.name: item for item in (SUITES[suite] if objects is None else objects)}
+    cubes = [item.name for item in SUITES["clant"]]
+    if len(items) != len(cubes):
+        raise ValueError(
+            f"the release has {len(cubes)} objects, this set {len(items)}; a set of any size goes with "
+            "--source=scripted"
+        )
+    stand_in = dict(zip(cubes, items, strict=True))
     for sample in release.samples:
         action = find_action(sample.action)
         left, middle, right = (name if suite == "clant" else stand_in[name] for name in sample.arrangement)
         arrangement = (left, middle, right)
-        words = sample.texts if suite == "clant" else wordings(action, objects[arrangement[action.slot]])
+        words = sample.texts if suite == "clant" else wordings(action, items[arrangement[action.slot]])
         translation = (sample.english, sample.german)
         yield Demonstration(action, arrangement, sample.joints, words, translation, sample.split)
 
 
-def scripted(suite: str) -> Iterator[Demonstration]:
-    """The twelve actions in all 120 arrangements, acted by the scripted expert; no translations.
+def _spread(names: tuple[str, ...]) -> list[Arrangement]:
+    """At most 120 arrangements, the same ones each time: of more, a seeded draw."""
+    every = arrangements(names)
+    if len(every) <= _ARRANGEMENTS:
+        return every
+    chosen = np.random.default_rng(0).choice(len(every), _ARRANGEMENTS, replace=False)
+    return [every[index] for index in sorted(chosen)]
+
+
+def scripted(objects: str) -> Iterator[Demonstration]:
+    """The twelve actions in 120 arrangements, acted by the scripted expert; no translations.
+
+    Six objects have just 120 arrangements; of more objects 120 are drawn, with a fixed seed, and fewer than
+    six have fewer (our decision).
 
     Each action has 30 test episodes, as in the release: those whose arrangement's and action's numbers add up
     to a multiple of four (our decision).
 
+    Args:
+        objects: Name of a shipped set, such as `claeo`, or path of a YAML file.
+
     Raises:
         ModuleNotFoundError: If the extra `scripted` (mink) is not installed.
+        ObjectsError: If the objects cannot be used.
     """
     from nico_tabletop.scene import SLOT_XY
 
     from .expert import plan
 
     trajectory = cache(lambda action: plan(action, SLOT_XY[action.slot]))
-    objects = {item.name: item for item in SUITES[suite]}
-    for number, arrangement in enumerate(arrangements(tuple(objects))):
+    items = {item.name: item for item in read_objects(objects)}
+    for number, arrangement in enumerate(_spread(tuple(items))):
         for index, action in enumerate(ACTIONS):
             split: Split = "test" if (number + index) % 4 == 0 else "train"
-            words = wordings(action, objects[arrangement[action.slot]])
+            words = wordings(action, items[arrangement[action.slot]])
             yield Demonstration(action, arrangement, trajectory(action), words, None, split)

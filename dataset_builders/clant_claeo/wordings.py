@@ -6,5 +6,8 @@ from nico_tabletop.tasks import Action
 
 
 def wordings(action: Action, target: TabletopObject) -> tuple[str, ...]:
-    """The four accepted commands in the release's order: canonical words first, the verb changes fastest."""
-    return tuple(f"{verb} {noun}" for noun in (target.name, target.synonym) for verb in action.verbs)
+    """The four accepted commands in the release's order: canonical words first, the verb changes fastest.
+
+    As in the release, there are two verbs and two nouns: the object's name and its first synonym.
+    """
+    return tuple(f"{verb} {noun}" for noun in (target.name, target.synonyms[0]) for verb in action.verbs)

@@ -26,12 +26,15 @@ class TabletopEnvConfig(EnvConfig):
             The task id of an action is its place in CLANT's order, whatever is chosen.
         observation_height: Rows of the eyes' picture.
         observation_width: Columns of the eyes' picture.
+        objects: Set of objects that stands on the table: the name of a shipped one (`clant`, `claeo`,
+            `household`) or the path of a YAML file (docs/objects.md); the environment type's own when unset.
     """
 
     task: str | None = None
     fps: int = CONTROL_HZ
     observation_height: int = 240
     observation_width: int = 320
+    objects: str | None = None
     features: dict[str, PolicyFeature] = field(default_factory=dict)
     features_map: dict[str, str] = field(
         default_factory=lambda: {
@@ -53,7 +56,12 @@ class TabletopEnvConfig(EnvConfig):
     @property
     def gym_kwargs(self) -> dict[str, Any]:
         """Arguments of `TabletopEnv` that are the same for all tasks."""
-        return {"suite": self.type, "height": self.observation_height, "width": self.observation_width}
+        return {
+            "suite": self.type,
+            "height": self.observation_height,
+            "width": self.observation_width,
+            "objects": self.objects,
+        }
 
     def create_envs(
         self, n_envs: int, use_async_envs: bool = False
@@ -61,7 +69,7 @@ class TabletopEnvConfig(EnvConfig):
         """One vector environment per action: {suite: {task id: environments}}.
 
         Raises:
-            ValueError: If `task` names an unknown action.
+            ValueError: If `task` names an unknown action or the objects cannot be used.
         """
         chosen = [find_action(name) for name in self.task.split(",")] if self.task else ACTIONS
         envs: dict[int, Any] = {}

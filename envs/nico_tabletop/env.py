@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from .objects import SUITES
+from .objects import NAME_BYTES, SUITES, read_objects
 from .robot import EYES, INITIAL_POSE_DEG, joint_limits_deg
 from .scene import SPECTATOR
 from .scoring import judge
@@ -17,9 +17,6 @@ from .tasks import SLOTS, arrangements, find_action
 
 EPISODE_STEPS = 90
 """CLANT's longest action, 85 frames, and half a second for the objects to come to rest."""
-
-NAME_BYTES = 24
-"""Room for an object's name in the ground truth, UTF-8."""
 
 
 def describe_objects(boxes: NDArray[np.float64], names: tuple[str, ...]) -> NDArray[np.float32]:
@@ -57,7 +54,9 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
     metadata = {"render_modes": ["rgb_array"], "render_fps": CONTROL_HZ}  # noqa: RUF012  Gymnasium's own attribute
     render_mode = "rgb_array"
 
-    def __init__(self, suite: str, action: str, height: int = 240, width: int = 320) -> None:
+    def __init__(
+        self, suite: str, action: str, height: int = 240, width: int = 320, objects: str | None = None
+    ) -> None:
         """Make the environment; the GL context comes with the first picture.
 
         Args:
@@ -65,9 +64,10 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
             action: CLANT's name of the action, such as `PUSH-L`.
             height: Rows of the eyes' picture.
             width: Columns of the eyes' picture.
+            objects: Name of a shipped set of objects or path of a YAML file; the suite's own when unset.
 
         Raises:
-            ValueError: If there is no such suite or action.
+            ValueError: If there is no such suite or action, or if the objects cannot be used.
         """
         if suite not in SUITES:
             raise ValueError(f"no suite is called {suite!r}; there are {', '.join(SUITES)}")
@@ -75,7 +75,7 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         self.action = find_action(action)
         self._size = (height, width)
         self._max_episode_steps = EPISODE_STEPS
-        self._simulation = TabletopSimulation(SUITES[suite])
+        self._simulation = TabletopSimulation(SUITES[suite] if objects is None else read_objects(objects))
         self._step = 0
         limits = joint_limits_deg().astype(np.float32)
         self.action_space = spaces.Box(limits[:, 0], limits[:, 1], dtype=np.float32)

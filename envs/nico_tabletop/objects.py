@@ -1,110 +1,71 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The objects of both suites and the shapes they are drawn with.
+"""The objects on the table and the YAML files that list them (docs/objects.md).
 
 Every object has the physics of CLANT's cube (paper, section 4): an unseen box carries its mass and its
-contacts. What the camera sees are coloured surfaces made here in code, with the table at height 0.
+contacts. What the camera sees are the coloured parts that the file names.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from xml.etree.ElementTree import Element, SubElement
+from pathlib import Path
+from typing import cast
+from xml.etree.ElementTree import Element, SubElement, fromstring, tostring
 
+import mujoco
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from .mjcf import text
+from .reading import ObjectsError, Value
+from .shapes import (
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Lathe,
+    Mesh,
+    Part,
+    Rgba,
+    Shape,
+    Tube,
+    Vector,
+    add_part,
+    surface_points,
+)
+from .tasks import SLOTS
 
 CUBE_HALF_WIDTH = 0.02324
 """Half the edge of CLANT's cubes and of every object's collision box, metres (our decision)."""
 _CUBE_MASS = 0.1  # kilograms
-_SEGMENTS = 36
 
-Rgba = tuple[float, float, float, float]
+NAME_BYTES = 24
+"""Room for an object's name in the ground truth, UTF-8."""
 
+SHIPPED = ("clant", "claeo", "household")
+"""Sets of objects that come with the package: both papers', and everyday objects that neither has."""
 
-@dataclass(frozen=True)
-class Lathe:
-    """A surface of revolution about the upright axis.
-
-    Attributes:
-        profile: (radius, height) pairs along the surface, metres.
-        rgba: Colour and opacity.
-    """
-
-    profile: tuple[tuple[float, float], ...]
-    rgba: Rgba
-
-
-@dataclass(frozen=True)
-class Tube:
-    """A bent round rod such as a handle: points (x, z) of its middle line and its radius, metres."""
-
-    path: tuple[tuple[float, float], ...]
-    radius: float
-    rgba: Rgba
-
-
-@dataclass(frozen=True)
-class Block:
-    """A box on the upright axis: half widths (x, y, z) and height of its middle, metres."""
-
-    half: tuple[float, float, float]
-    height: float
-    rgba: Rgba
-
-
-Part = Lathe | Tube | Block
+_FOLDER = Path(__file__).with_name("objects")
+# What an object may fill: it must fit between its neighbours and under the robot's eyes (our decision).
+_REACH, _TALLEST, _SMALLEST, _SUNK = 0.06, 0.2, 0.01, 0.001
+_ARC_POINTS = 17
 
 
 @dataclass(frozen=True)
 class TabletopObject:
-    """Something to act on: its name in commands, a synonym and the parts it is drawn with."""
+    """Something to act on.
+
+    Attributes:
+        name: What commands call it, at most `NAME_BYTES` bytes in UTF-8.
+        synonyms: Other names, at least one.
+        parts: What it is drawn with.
+        scale: Factor for all lengths of the parts.
+    """
 
     name: str
-    synonym: str
+    synonyms: tuple[str, ...]
     parts: tuple[Part, ...]
-
-
-def _ring(radius: float, height: float) -> NDArray[np.float64]:
-    angle = np.linspace(0, 2 * np.pi, _SEGMENTS, endpoint=False)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full_like(angle, height)], axis=1)
-
-
-def _skin(rings: Sequence[NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices (N, 3) and triangles (M, 3) of the closed skin over consecutive rings of points."""
-    size = len(rings[0])
-    ends = [rings[0].mean(axis=0, keepdims=True), rings[-1].mean(axis=0, keepdims=True)]
-    vertices = np.concatenate([*rings, *ends])
-    here = np.arange(size)
-    following = (here + 1) % size
-    faces = []
-    for k in range(len(rings) - 1):
-        low, high = k * size, (k + 1) * size
-        faces.append(np.stack([low + here, low + following, high + here], axis=1))
-        faces.append(np.stack([low + following, high + following, high + here], axis=1))
-    bottom, top = np.full(size, len(vertices) - 2), np.full(size, len(vertices) - 1)
-    last = (len(rings) - 1) * size
-    faces.append(np.stack([bottom, following, here], axis=1))
-    faces.append(np.stack([top, last + here, last + following], axis=1))
-    return vertices, np.concatenate(faces)
-
-
-def _lathe_mesh(part: Lathe) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    # A radius of zero would fold a ring into one point and its triangles into lines.
-    return _skin([_ring(max(radius, 1e-4), height) for radius, height in part.profile])
-
-
-def _tube_mesh(part: Tube) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    path = np.array([(x, 0.0, z) for x, z in part.path])
-    forward = np.gradient(path, axis=0)
-    forward /= np.linalg.norm(forward, axis=1, keepdims=True)
-    sideways = np.array([0.0, 1.0, 0.0])
-    circle = _ring(part.radius, 0.0)
-    rings = [
-        middle + circle[:, :1] * np.cross(sideways, along) + circle[:, 1:2] * sideways
-        for middle, along in zip(path, forward, strict=True)
-    ]
-    return _skin(rings)
+    scale: float = 1.0
 
 
 def add_object(item: TabletopObject, asset: Element, worldbody: Element) -> None:
@@ -117,116 +78,208 @@ def add_object(item: TabletopObject, asset: Element, worldbody: Element) -> None
     half = text(CUBE_HALF_WIDTH, CUBE_HALF_WIDTH, CUBE_HALF_WIDTH)
     SubElement(body, "geom", {"class": "solid", "type": "box", "size": half, "mass": text(_CUBE_MASS)})
     for index, part in enumerate(item.parts):
-        look = {"class": "seen", "rgba": text(*part.rgba)}
-        if isinstance(part, Block):
-            pos = text(0, 0, part.height - CUBE_HALF_WIDTH)
-            SubElement(body, "geom", look | {"type": "box", "size": text(*part.half), "pos": pos})
+        add_part(
+            part,
+            f"{item.name} {index}",
+            scale=item.scale,
+            table=-CUBE_HALF_WIDTH,
+            look={"class": "seen"},
+            body=body,
+            asset=asset,
+        )
+
+
+def visible_surface(model: mujoco.MjModel, name: str) -> NDArray[np.float64]:
+    """Points (N, 3) of an object's visible parts in its body's frame, metres; their hull is the object's."""
+    body = model.body(name)
+    geoms = range(body.geomadr[0], body.geomadr[0] + body.geomnum[0])
+    seen = [geom for geom in geoms if model.geom_contype[geom] == 0]  # the collision box is not seen
+    return np.concatenate([surface_points(model, geom) for geom in seen])
+
+
+def read_objects(source: str | Path) -> tuple[TabletopObject, ...]:
+    """Read and check a set of objects.
+
+    Args:
+        source: Name of a shipped set (`SHIPPED`) or path of a YAML file. Mesh files are relative to it.
+
+    Returns:
+        The objects in the file's order, at least three.
+
+    Raises:
+        ObjectsError: If the file or anything in it is wrong; the message says where, why, and what to do.
+    """
+    path = _FOLDER / f"{source}.yaml" if source in SHIPPED else Path(source)
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        known = ", ".join(SHIPPED)
+        problem = f"cannot read objects from {str(source)!r} ({error.strerror})"
+        raise ObjectsError(f"{problem}; name a YAML file or one of the shipped sets: {known}") from error
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ObjectsError(f"{path} is no YAML file in UTF-8: {error}") from error
+    listed = Value(content, (str(path),)).mapping(("objects",))["objects"]
+    values = [_named(value, str(path)) for value in listed.items("object", least=len(SLOTS))]
+    objects = tuple(_object(value, path.parent) for value in values)
+    taken: set[str] = set()
+    for value, item in zip(values, objects, strict=True):
+        for name in (item.name, *item.synonyms):
+            if name in taken:
+                raise value.error(f"{name!r} is a name or synonym already; each may stand only once")
+            taken.add(name)
+        _check_size(value, item)
+    return objects
+
+
+def _named(value: Value, path: str) -> Value:
+    """The same value, called by the object's name if it has one."""
+    name = value.content.get("name") if isinstance(value.content, dict) else None
+    return Value(value.content, (path, f"object {name!r}")) if name else value
+
+
+def _object(value: Value, folder: Path) -> TabletopObject:
+    keys = value.mapping(("name", "synonyms", "parts"), ("scale",))
+    name = keys["name"].words(NAME_BYTES)
+    synonyms = tuple(synonym.words() for synonym in keys["synonyms"].items("synonym"))
+    parts = tuple(_part(part, folder) for part in keys["parts"].items("part"))
+    return TabletopObject(name, synonyms, parts, _factor(keys))
+
+
+def _factor(keys: dict[str, Value]) -> float:
+    return keys["scale"].number(least=1e-6, most=1e6) if "scale" in keys else 1.0
+
+
+def _part(value: Value, folder: Path) -> Part:
+    keys = value.mapping(("color",), ("position", "rotation", *_SHAPES))
+    shapes = [kind for kind in _SHAPES if kind in keys]
+    if len(shapes) != 1:
+        raise value.error(
+            f"a part has exactly one of {', '.join(_SHAPES)}; got {', '.join(shapes) or 'none'}"
+        )
+    red, green, blue, *opacity = keys["color"].numbers(3, 4, least=0, most=1)
+    rgba: Rgba = (red, green, blue, *(opacity or [1.0]))  # type: ignore[assignment]  # three and one are four
+    places = {key: keys[key].numbers(3) for key in ("position", "rotation") if key in keys}
+    return Part(_SHAPES[shapes[0]](keys[shapes[0]], folder), rgba, **places)
+
+
+def _lathe(value: Value, _: Path) -> Lathe:
+    profile = _outline(value)
+    if any(radius < 0 for radius, _ in profile):
+        raise value.error("each point is [radius, height], and no radius may be negative")
+    return Lathe(profile)
+
+
+def _tube(value: Value, _: Path) -> Tube:
+    keys = value.mapping(("path", "radius"))
+    path = _outline(keys["path"])
+    if (np.linalg.norm(np.gradient(np.array(path), axis=0), axis=1) < 1e-9).any():
+        raise keys["path"].error("the path turns back on itself; leave the repeated point out")
+    return Tube(path, keys["radius"].length())
+
+
+def _outline(value: Value) -> tuple[Vector, ...]:
+    """A list of points; an entry `arc` stands for points on a circle."""
+    points: list[Vector] = []
+    for entry in value.items("point"):
+        if not isinstance(entry.content, dict):
+            points.append(entry.numbers(2))
             continue
-        vertices, faces = _lathe_mesh(part) if isinstance(part, Lathe) else _tube_mesh(part)
-        name = f"{item.name} {index}"
-        mesh = {
-            "name": name,
-            "vertex": text(*vertices.ravel()),
-            "face": text(*faces.ravel()),
-            "inertia": "shell",
-        }
-        SubElement(asset, "mesh", mesh)
-        SubElement(body, "geom", look | {"type": "mesh", "mesh": name, "pos": text(0, 0, -CUBE_HALF_WIDTH)})
+        arc = entry.mapping(("arc",))["arc"].mapping(("center", "radius", "from", "to"))
+        (across, up), radius = arc["center"].numbers(2), arc["radius"].length()
+        # Degrees; 0 points outwards, 90 up.
+        for angle in np.deg2rad(np.linspace(arc["from"].number(), arc["to"].number(), _ARC_POINTS)):
+            points.append((float(across + radius * np.cos(angle)), float(up + radius * np.sin(angle))))
+    if len(points) < 2:
+        raise value.error("a line has two or more points")
+    return tuple(points)
 
 
-def _cube(name: str, synonym: str, rgb: tuple[float, float, float]) -> TabletopObject:
-    half = (CUBE_HALF_WIDTH,) * 3
-    return TabletopObject(name, synonym, (Block(half, CUBE_HALF_WIDTH, (*rgb, 1.0)),))
+def _lengths(value: Value) -> Vector:
+    lengths = value.numbers(3)
+    for length in value.items("number"):
+        length.length()
+    return lengths
 
 
-def _arc(
-    centre: tuple[float, float], radius: float, start: float, end: float
-) -> tuple[tuple[float, float], ...]:
-    """Points of an arc in the plane of (radius or x, height); angles in degrees, 0 points outwards."""
-    angles = np.deg2rad(np.linspace(start, end, 17))
-    return tuple((centre[0] + radius * np.cos(a), centre[1] + radius * np.sin(a)) for a in angles)
+def _sphere(value: Value, _: Path) -> Ellipsoid:
+    return Ellipsoid((value.mapping(("radius",))["radius"].length(),) * 3)
 
 
-_MUSTARD, _GLASS, _IVORY = (0.95, 0.75, 0.05, 1.0), (0.10, 0.28, 0.12, 0.75), (0.93, 0.92, 0.86, 1.0)
-_PAPER = (0.96, 0.95, 0.9, 1.0)
-_TIN, _LABEL, _CHINA = (0.75, 0.77, 0.8, 1.0), (0.82, 0.1, 0.12, 1.0), (0.2, 0.45, 0.75, 1.0)
+def _cylinder(value: Value, _: Path) -> Cylinder:
+    keys = value.mapping(("radius", "height"))
+    return Cylinder(keys["radius"].length(), keys["height"].length())
 
-_CUBES = (
-    _cube("blue", "azure", (0.1, 0.2, 0.9)),
-    _cube("cyan", "greenish-blue", (0.1, 0.85, 0.9)),
-    _cube("green", "harlequin", (0.1, 0.7, 0.1)),
-    _cube("red", "scarlet", (0.9, 0.08, 0.08)),
-    _cube("violet", "purple", (0.55, 0.1, 0.8)),
-    _cube("yellow", "blonde", (0.95, 0.88, 0.1)),
-)
-_EVERYDAY = (
-    TabletopObject(
-        "mustard bottle",
-        "mustard",
-        (
-            Lathe(((0.024, 0), (0.027, 0.004), (0.027, 0.06), (0.025, 0.075), (0.015, 0.088)), _MUSTARD),
-            Lathe(((0.0275, 0.022), (0.0276, 0.023), (0.0276, 0.052), (0.0275, 0.053)), _PAPER),
-            Lathe(((0.015, 0.086), (0.016, 0.096), (0.008, 0.1), (0.003, 0.118)), (0.8, 0.15, 0.08, 1.0)),
-        ),
-    ),
-    TabletopObject(
-        "can",
-        "tin",
-        (
-            Lathe(((0.021, 0), (0.0245, 0.004), (0.0245, 0.012)), _TIN),
-            Lathe(((0.0245, 0.012), (0.025, 0.013), (0.025, 0.066), (0.0245, 0.067)), _LABEL),
-            Lathe(((0.0252, 0.03), (0.0253, 0.031), (0.0253, 0.044), (0.0252, 0.045)), _PAPER),
-            Lathe(((0.0245, 0.067), (0.0245, 0.07), (0.021, 0.076), (0.02, 0.074), (0.0001, 0.074)), _TIN),
-        ),
-    ),
-    TabletopObject(
-        "mug",
-        "cup",
-        (
-            Lathe(
-                ((0.022, 0), (0.025, 0.003), (0.025, 0.056), (0.024, 0.058), (0.022, 0.056), (0.021, 0.006)),
-                _CHINA,
-            ),
-            Tube(_arc((0.024, 0.03), 0.016, -90, 90), 0.0038, _CHINA),
-        ),
-    ),
-    TabletopObject(
-        "white chess piece",
-        "pawn",
-        (
-            Lathe(
-                (
-                    (0.024, 0), (0.024, 0.008), (0.019, 0.013), (0.02, 0.017), (0.012, 0.026), (0.009, 0.045),
-                    (0.009, 0.052), (0.016, 0.056), (0.016, 0.059), (0.009, 0.061),
-                    *_arc((0, 0.073), 0.014, -45, 90),
-                ),
-                _IVORY,
-            ),
-        ),
-    ),
-    TabletopObject(
-        "ball",
-        "sphere",
-        (
-            Lathe(_arc((0, 0.025), 0.025, -90, 90), (0.95, 0.5, 0.1, 1.0)),
-            Lathe(_arc((0, 0.025), 0.0253, -14, 14), _PAPER),
-        ),
-    ),
-    TabletopObject(
-        "empty wine bottle",
-        "flask",
-        (
-            Lathe(
-                (
-                    (0.021, 0), (0.0235, 0.003), (0.0235, 0.07), (0.021, 0.082), (0.011, 0.096),
-                    (0.0085, 0.104), (0.0085, 0.128), (0.0105, 0.129), (0.0105, 0.134), (0.0085, 0.135),
-                ),
-                _GLASS,
-            ),
-            Lathe(((0.0238, 0.02), (0.024, 0.021), (0.024, 0.052), (0.0238, 0.053)), _PAPER),
-        ),
-    ),
-)  # fmt: skip
 
-SUITES: dict[str, tuple[TabletopObject, ...]] = {"clant": _CUBES, "claeo": _EVERYDAY}
+def _capsule(value: Value, _: Path) -> Capsule:
+    keys = value.mapping(("radius", "height"))
+    radius, height = keys["radius"].length(), keys["height"].length()
+    if height <= 2 * radius:
+        raise value.error("the height counts the round ends: it must be more than twice the radius")
+    return Capsule(radius, height)
+
+
+def _mesh(value: Value, folder: Path) -> Mesh:
+    keys = value.mapping(("file",), ("scale",))
+    name = keys["file"].content
+    if not isinstance(name, str) or Path(name).suffix.lower() not in (".obj", ".stl"):
+        raise keys["file"].error(f"expected the name of an OBJ or STL file; got {name!r}")
+    file = (folder / name).resolve()
+    if not file.is_file():
+        raise keys["file"].error(f"there is no file {file}; names are relative to the YAML file")
+    return Mesh(file, _factor(keys))
+
+
+_SHAPES: dict[str, Callable[[Value, Path], Shape]] = {
+    "lathe": _lathe,
+    "tube": _tube,
+    "box": lambda value, _: Box(_lengths(value.mapping(("size",))["size"])),
+    "sphere": _sphere,
+    "ellipsoid": lambda value, _: Ellipsoid(_lengths(value.mapping(("radii",))["radii"])),
+    "cylinder": _cylinder,
+    "capsule": _capsule,
+    "mesh": _mesh,
+}
+
+_ALONE = """
+<mujoco>
+  <compiler angle="radian" eulerseq="XYZ"/>
+  <default>
+    <default class="solid"/>
+    <default class="seen"><geom contype="0" conaffinity="0" density="0"/></default>
+  </default>
+  <asset/>
+  <worldbody/>
+</mujoco>
+"""
+
+
+def _check_size(value: Value, item: TabletopObject) -> None:
+    """Let MuJoCo compile the object, and measure it."""
+    root = fromstring(_ALONE)
+    asset, worldbody = (cast(Element, root.find(tag)) for tag in ("asset", "worldbody"))
+    add_object(item, asset, worldbody)
+    try:
+        model = mujoco.MjModel.from_xml_string(tostring(root, encoding="unicode"))
+    except (ValueError, mujoco.FatalError) as error:
+        raise value.error(f"MuJoCo cannot build it: {error}") from error
+    points = visible_surface(model, item.name) + np.array([0, 0, CUBE_HALF_WIDTH])
+    low, high = points.min(axis=0), points.max(axis=0)
+    centimetres = " x ".join(f"{100 * edge:.4g}" for edge in high - low)
+    reach = np.abs([low[:2], high[:2]]).max()
+    hint = "lengths are metres, and `scale` changes them all (0.001 for a mesh in millimetres)"
+    if not (reach <= _REACH and high[2] <= _TALLEST):
+        raise value.error(
+            f"it is {centimetres} cm and reaches {100 * reach:.4g} cm sideways from its middle and "
+            f"{100 * high[2]:.4g} cm up, where {100 * _REACH:g} and {100 * _TALLEST:g} are allowed; {hint}"
+        )
+    if (high - low).max() < _SMALLEST:
+        raise value.error(f"it is {centimetres} cm, too small to be seen; {hint}")
+    if low[2] < -_SUNK:
+        raise value.error(
+            f"it reaches {-100 * low[2]:.4g} cm into the table, which is at height 0; raise its parts with "
+            "`position: [x, y, z]` (boxes, spheres, cylinders and capsules have their middle there)"
+        )
+
+
+SUITES: dict[str, tuple[TabletopObject, ...]] = {name: read_objects(name) for name in ("clant", "claeo")}
 """CLANT's six coloured cubes, and the six everyday objects of CLAEO (paper, section 4)."""

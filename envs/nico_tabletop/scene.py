@@ -98,4 +98,5 @@ def slot_position(slot: int) -> tuple[float, float, float]:
 
 def parking_position(index: int) -> tuple[float, float, float]:
     """Where the `index`-th object of a suite waits while it is not part of the scene, metres."""
-    return (_PARKING[0], 0.3 * index, _PARKING[1])
+    row, place = divmod(index, 20)
+    return (_PARKING[0] - 0.3 * row, 0.3 * place, _PARKING[1])

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .objects import TabletopObject
+from .objects import TabletopObject, visible_surface
 from .robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
 from .scene import build_model, parking_position, slot_position
 from .tasks import SLOTS
@@ -38,6 +38,7 @@ class TabletopSimulation:
         self.model = build_model(objects)
         self.data = mujoco.MjData(self.model)
         self.arrangement: tuple[str, ...] = ()
+        self._surfaces = {name: visible_surface(self.model, name) for name in self.objects}
         self._joints = np.array([self.model.joint(name).qposadr[0] for name in JOINT_NAMES])
         self._substeps = round(1 / (CONTROL_HZ * self.model.opt.timestep))
         self._target = _within_limits(INITIAL_POSE_DEG)
@@ -151,7 +152,9 @@ class TabletopSimulation:
         half_height = np.tan(np.deg2rad(self.model.camera(EYES).fovy[0]) / 2)
         boxes = np.full((len(self.arrangement), 4), -1.0)
         for index, name in enumerate(self.arrangement):
-            seen = (self._surface(name) - camera.xpos) @ camera.xmat.reshape(3, 3)
+            body = self.data.body(name)
+            surface = self._surfaces[name] @ body.xmat.reshape(3, 3).T + body.xpos
+            seen = (surface - camera.xpos) @ camera.xmat.reshape(3, 3)
             if (seen[:, 2] >= 0).any():  # the camera looks along its own -z
                 continue
             picture = seen[:, :2] / -seen[:, 2:] / (half_height * np.array([aspect, -1.0]))
@@ -160,24 +163,6 @@ class TabletopSimulation:
             if (high > 0).all() and (low < 1).all():
                 boxes[index] = np.clip([*low, *high], 0, 1)
         return boxes
-
-    def _surface(self, name: str) -> NDArray[np.float64]:
-        """Corner points of an object's visible parts, shape (N, 3), metres."""
-        points = []
-        body = self.model.body(name)
-        for geom in range(body.geomadr[0], body.geomadr[0] + body.geomnum[0]):
-            if self.model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
-                mesh = self.model.geom_dataid[geom]
-                start = self.model.mesh_vertadr[mesh]
-                local = self.model.mesh_vert[start : start + self.model.mesh_vertnum[mesh]]
-            elif self.model.geom_contype[geom] == 0:
-                signs = np.stack(np.meshgrid(*[[-1, 1]] * 3), axis=-1).reshape(-1, 3)
-                local = signs * self.model.geom_size[geom]
-            else:
-                continue  # the collision box is not seen
-            rotation = self.data.geom_xmat[geom].reshape(3, 3)
-            points.append(local @ rotation.T + self.data.geom_xpos[geom])
-        return np.concatenate(points)
 
     def close(self) -> None:
         """Free the GL contexts."""
