@@ -3,6 +3,7 @@
 
 import sys
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 
 import draccus
@@ -98,7 +99,8 @@ def _make(config: DatasetConfig) -> None:
         video=config.video,
         # The release is kept whole; a script that failed demonstrates nothing.
         keep_failures=config.source != "scripted",
-        options={key: value for key, value in draccus.encode(config).items() if key not in _FREE_TO_CHANGE},
+        options={key: value for key, value in draccus.encode(config).items() if key not in _FREE_TO_CHANGE}
+        | {"version": version("lerobot_policy_owlxt5")},
         shard=shard,
         workers=workers,
     )

@@ -62,6 +62,9 @@ def _call[Item, Result](function: Callable[[Item], Result], item: Item) -> Resul
 
 def _begin() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the parent alone decides
+    os.environ.setdefault(
+        "LP_NUM_THREADS", "0"
+    )  # Mesa would draw with as many threads as cores in each worker
     threading.Thread(target=_end_with_parent, daemon=True).start()
     quiet()
 
