@@ -19,7 +19,7 @@ from nico_tabletop.robot import JOINT_NAMES
 from nico_tabletop.tasks import ACTIONS
 from test_release import replace_line, write_release
 
-SMALL = ("--arrangements=1", "--height=48", "--width=64")
+SMALL = ("--arrangements=1", "--height=48", "--width=64", "--workers=1")
 
 
 @pytest.fixture(scope="module")

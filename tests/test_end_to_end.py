@@ -25,7 +25,14 @@ TRAIN = (
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A data set of 12 episodes and a small T5."""
     folder = tmp_path_factory.mktemp("end_to_end")
-    run("owlxt5-dataset", f"--root={folder / 'data'}", "--arrangements=1", "--height=48", "--width=64")
+    run(
+        "owlxt5-dataset",
+        f"--root={folder / 'data'}",
+        "--arrangements=1",
+        "--height=48",
+        "--width=64",
+        "--workers=1",
+    )
     small = ("--d_model=16", "--d_kv=8", "--d_ff=16", "--num_layers=1", "--num_heads=2")
     output = run(
         "python",

@@ -313,7 +313,7 @@ def test_a_release_takes_six_other_objects_for_claeo_only(clant_release: Release
 
 def test_the_builder_takes_a_users_objects(toys: Path, tmp_path: Path):
     root = tmp_path / "data"
-    small = ("--arrangements=1", "--height=48", "--width=64")
+    small = ("--arrangements=1", "--height=48", "--width=64", "--workers=1")
     output = run("owlxt5-dataset", f"--objects={toys}", f"--root={root}", *small)
     assert "of the scripted expert on toys" in output
     dataset = LeRobotDataset("local/toys", root=root, video_backend="pyav")
