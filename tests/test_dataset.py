@@ -89,7 +89,7 @@ def test_the_boxes_of_the_first_and_the_last_frame_are_those_of_the_pictures(bui
         for when, frame in (("first", start), ("last", end - 1)):
             projected = built.hf_dataset[frame]["observation.objects"].numpy().reshape(3, -1)[:, :4]
             seen = np.array(list(boxes[when].values()))
-            pixel = np.array([1 / 64, 1 / 48] * 2)
+            pixel = np.array([1 / 64, 1 / 48])
             # What is seen is never more than the whole; hands hide parts.
             assert (seen[:, :2] >= projected[:, :2] - pixel).all()
             assert (seen[:, 2:] <= projected[:, 2:] + pixel).all()
