@@ -4,7 +4,7 @@
 import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +97,7 @@ def build_dataset(
     width: int,
     video: bool,
     keep_failures: bool,
+    finish: Callable[[Path], None] = lambda root: None,
 ) -> Counter[Outcome]:
     """Replay `demonstrations` and write them to `root`, train episodes first and test episodes last.
 
@@ -112,6 +113,7 @@ def build_dataset(
         width: Columns of the pictures.
         video: Store frames as video; as single images (larger, faster to read at random) otherwise.
         keep_failures: Also write episodes whose replay fails.
+        finish: Called with the folder of the data set before it is moved, to add its card.
 
     Returns:
         How many replays had which outcome.
@@ -153,6 +155,7 @@ def build_dataset(
     meta.info.features.update(language_feature_info())
     meta.info.splits = {"train": f"0:{splits['train']}", "test": f"{splits['train']}:{splits.total()}"}
     write_info(meta.info, unfinished)
+    finish(unfinished)
     unfinished.rename(root)
     return outcomes
 

@@ -2,8 +2,9 @@
 """`owlxt5-dataset`: make CLANT or CLAEO as a LeRobotDataset."""
 
 import os
+import shlex
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import av
@@ -16,7 +17,9 @@ from nico_tabletop.objects import SUITES
 from nico_tabletop.simulation import TabletopSimulation
 
 from .builder import build_dataset
+from .card import Build, read_build, write_card
 from .demonstrations import Demonstration, from_release, scripted
+from .hub import HubError, create_repository, upload
 from .release import ReleaseError, read_release
 
 
@@ -39,6 +42,29 @@ class DatasetConfig:
     width: int = 640
     # Store frames as video (small); false: as single images (faster to read at random).
     video: bool = True
+    # Upload to the Hub as `repo_id`, after building it; what lies in `root` is not built again.
+    push_to_hub: bool = False
+    # Make the repository private; unset: only what is made from the release, which states no licence.
+    private: bool | None = None
+
+
+# Options that say where a data set goes, not what is in it.
+_PLACES = {"repo_id", "root", "push_to_hub", "private"}
+
+
+def _command(config: DatasetConfig) -> str:
+    """The command that makes the same data set elsewhere: no places, and of a path the name alone."""
+    words = ["owlxt5-dataset", f"--suite={config.suite}"]
+    for field in fields(config):
+        value = getattr(config, field.name)
+        if field.name in _PLACES | {"suite"} or value == field.default:
+            continue
+        if field.name == "source":
+            value = "path/to/CLANT"
+        elif os.sep in (text := str(value)):
+            value = f"path/to/{Path(text).name}"
+        words.append(f"--{field.name}={str(value).lower() if isinstance(value, bool) else value}")
+    return shlex.join(words)
 
 
 def _demonstrations(config: DatasetConfig) -> list[Demonstration]:
@@ -57,15 +83,11 @@ def _demonstrations(config: DatasetConfig) -> list[Demonstration]:
     return [demonstration for demonstration in found if demonstration.arrangement in chosen]
 
 
-@draccus.wrap()
-def _make(config: DatasetConfig) -> None:
-    console = Console()
-    if config.suite not in SUITES:
-        raise ValueError(f"--suite must be one of {', '.join(SUITES)}; got {config.suite!r}")
-    repo_id = config.repo_id or f"local/{config.suite}"
-    root = config.root or HF_LEROBOT_HOME / repo_id
+def _build(config: DatasetConfig, repo_id: str, root: Path, record: Build, console: Console) -> None:
     demonstrations = _demonstrations(config)
-    kind = "the scripted expert" if config.source == "scripted" else "the original release"
+    if config.push_to_hub:
+        _prepare_push(config, repo_id)
+    kind = "the original release" if record.release else "the scripted expert"
     console.print(f"{len(demonstrations)} demonstrations of {kind} on {config.suite}")
     outcomes = build_dataset(
         demonstrations,
@@ -76,9 +98,48 @@ def _make(config: DatasetConfig) -> None:
         width=config.width,
         video=config.video,
         # The release is kept whole; a script that failed demonstrates nothing.
-        keep_failures=config.source != "scripted",
+        keep_failures=record.release,
+        finish=lambda folder: write_card(folder, repo_id, record),
     )
     console.print("Replays: " + ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items()))
+
+
+def _prepare_push(config: DatasetConfig, repo_id: str) -> None:
+    """Fail before hours of building and not after them, if the Hub will not take the data set."""
+    if "/" not in repo_id or config.repo_id is None:
+        raise ValueError(f"--push_to_hub=true needs --repo_id=<your name on the Hub>/{config.suite}")
+    create_repository(repo_id, private=_private(config))
+
+
+def _private(config: DatasetConfig) -> bool:
+    return config.source != "scripted" if config.private is None else config.private
+
+
+@draccus.wrap()
+def _make(config: DatasetConfig) -> None:
+    console = Console()
+    if config.suite not in SUITES:
+        raise ValueError(f"--suite must be one of {', '.join(SUITES)}; got {config.suite!r}")
+    repo_id = config.repo_id or f"local/{config.suite}"
+    root = config.root or HF_LEROBOT_HOME / repo_id
+    record = Build(config.suite, config.source != "scripted", _command(config))
+    built = read_build(root)
+    if config.push_to_hub and built is not None and built.command == record.command:
+        _prepare_push(config, repo_id)
+        write_card(root, repo_id, built)
+        console.print("The data set is there already and is not built again")
+    else:
+        _build(config, repo_id, root, record, console)
+    if config.push_to_hub:
+        console.print(f"Uploaded: {upload(root, repo_id)}", soft_wrap=True)
+        if record.release and _private(config):
+            console.print(
+                "It is private: the release states no licence. --private=false is for who may share it"
+            )
+        elif record.release:
+            console.print(
+                "It is not private, though the release states no licence: be sure that you may share it"
+            )
     console.print(f"Data set: {root}", soft_wrap=True)
     command = f"lerobot-train --policy.type=owlxt5 --policy.push_to_hub=false --dataset.repo_id={repo_id}"
     console.print(f"Next: {command} --dataset.root={root}", soft_wrap=True)
@@ -92,7 +153,7 @@ def main() -> None:
     datasets.disable_progress_bars()
     try:
         _make()
-    except (ReleaseError, FileExistsError, ModuleNotFoundError, ValueError) as error:
+    except (ReleaseError, HubError, FileExistsError, ModuleNotFoundError, ValueError) as error:
         sys.exit(f"owlxt5-dataset: {error}")
 
 
