@@ -10,20 +10,20 @@ _BIN = Path(sys.executable).parent
 ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "HF_HUB_OFFLINE": "1", "COLUMNS": "200"}
 
 
-def run(command: str, *arguments: str | Path) -> str:
+def run(command: str, *arguments: str | Path, **environment: str) -> str:
     """Run a command of the virtual environment; its output, or a failure that shows it."""
-    done = run_anyway(command, *arguments)
+    done = run_anyway(command, *arguments, **environment)
     assert done.returncode == 0, done.stdout[-4000:]
     return done.stdout
 
 
-def run_anyway(command: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+def run_anyway(command: str, *arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run a command that may fail; standard error is part of its output."""
     return subprocess.run(
         [_BIN / command, *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        env=ENVIRONMENT,
+        env=ENVIRONMENT | environment,
         check=False,
     )

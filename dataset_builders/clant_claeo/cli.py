@@ -124,22 +124,21 @@ def _make(config: DatasetConfig) -> None:
     root = config.root or HF_LEROBOT_HOME / repo_id
     record = Build(config.suite, config.source != "scripted", _command(config))
     built = read_build(root)
-    if config.push_to_hub and built is not None and built.command == record.command:
+    if built is None or not config.push_to_hub:
+        _build(config, repo_id, root, record, console)
+    elif built.command == record.command:
         _prepare_push(config, repo_id)
         write_card(root, repo_id, built)
         console.print("The data set is there already and is not built again")
     else:
-        _build(config, repo_id, root, record, console)
+        raise FileExistsError(
+            f"{root} holds what another command made: {built.command}. Choose another --root"
+        )
     if config.push_to_hub:
         console.print(f"Uploaded: {upload(root, repo_id)}", soft_wrap=True)
-        if record.release and _private(config):
-            console.print(
-                "It is private: the release states no licence. --private=false is for who may share it"
-            )
-        elif record.release:
-            console.print(
-                "It is not private, though the release states no licence: be sure that you may share it"
-            )
+        if record.release:
+            visible = "It is private" if _private(config) else "Be sure that you may share it"
+            console.print(f"{visible}: the release states no licence for its data (--private)")
     console.print(f"Data set: {root}", soft_wrap=True)
     command = f"lerobot-train --policy.type=owlxt5 --policy.push_to_hub=false --dataset.repo_id={repo_id}"
     console.print(f"Next: {command} --dataset.root={root}", soft_wrap=True)

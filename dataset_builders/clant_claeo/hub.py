@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Uploads a data set to the Hugging Face Hub.
 
-`LeRobotDataset.push_to_hub` would replace our card with a generic one and tag that; so its steps stand here, with
-all files in one commit: the Hub holds the whole data set or none of it, and files of an earlier one go.
+`LeRobotDataset.push_to_hub` would replace our card with a generic one and tag that; so its steps stand here,
+with all files in one commit: the Hub holds the whole data set or none of it, and files of an earlier one go.
 """
 
 from collections.abc import Iterator
