@@ -11,7 +11,7 @@ from pathlib import Path
 
 import httpx
 from huggingface_hub import HfApi, get_token, logging
-from huggingface_hub.errors import HfHubHTTPError, RevisionNotFoundError
+from huggingface_hub.errors import RevisionNotFoundError
 from lerobot.datasets import CODEBASE_VERSION
 
 _DATASET = "dataset"
@@ -78,13 +78,14 @@ def _explained(repo_id: str) -> Iterator[None]:
         yield
     # A failed upload of a file is a RuntimeError that is raised from what happened.
     except (httpx.HTTPError, OSError, RuntimeError) as error:
-        cause = error.__cause__ if isinstance(error.__cause__, httpx.HTTPError) else error
-        status = cause.response.status_code if isinstance(cause, HfHubHTTPError) else None
+        cause = error.__cause__ if isinstance(error, RuntimeError) and error.__cause__ else error
+        response = getattr(cause, "response", None)
+        status = None if response is None else response.status_code
         if status == 401:
             message = "the Hub does not know the token: run `hf auth login`, or set HF_TOKEN"
         elif status == 403:
             message = f"the token may not write to {repo_id}: use one that may, or --repo_id=<your name>/…"
         else:
-            reason = f"the Hub answered {status}" if status else cause
+            reason = f"the Hub answered {status}" if status else " ".join(str(cause).split())
             message = f"{repo_id} was not uploaded ({reason}); the same command sends what is missing"
         raise HubError(message) from error
