@@ -26,7 +26,7 @@ EXPLAINED = {
         "Episode Health",
         "Per-Episode Summary",
     },
-    "lerobot-lint": {"DEAD_JOINT", "SATURATED_JOINT", "TASK_IMBALANCE", "TOO_FEW_EPISODES"},
+    "lerobot-lint": {"ACTION_STATE_DIVERGENCE", "DEAD_JOINT", "DISCONTINUITY", "SATURATED_JOINT"},
     "kalanos": {"integrity.flatline_pct", "integrity.spike_pct"},
     "deepen-grade": {
         "cross.condition_coverage",
@@ -35,15 +35,27 @@ EXPLAINED = {
         "episode_quality.joint_limit_saturation",
     },
 }
-VERSIONS = {"lerobot-doctor": "0.2.0", "lerobot-lint": "0.1.1", "kalanos": "0.8.2", "deepen-grade": "0.4.1"}
+REQUIREMENTS = {
+    "lerobot-doctor": ("lerobot-doctor==0.2.0",),
+    # Earlier versions of LeRobot know no language columns.
+    "lerobot-lint": ("lerobot-lint==0.1.1", "lerobot[dataset]==0.6.1"),
+    "kalanos": ("kalanos==0.8.2",),
+    "deepen-grade": ("deepen-grade[lerobot]==0.4.1",),
+    "viewer": ("lerobot[dataset,viz]==0.6.1",),
+}
 
 
-def checker(package: str, *command: str | Path) -> str:
-    """Standard output of a checker; its exit status tells about findings, which we read ourselves."""
-    uvx = ("uvx", "--from", f"{package}=={VERSIONS[package]}")
-    done = subprocess.run([*uvx, *command], capture_output=True, text=True, check=False)
-    if not done.stdout and done.returncode not in (0, 2):
-        sys.exit(f"{package} did not run:\n{done.stderr[-2000:]}")
+def uvx(tool: str) -> list[str]:
+    """The beginning of a command in the tool's own environment."""
+    first, *others = REQUIREMENTS[tool]
+    return ["uvx", f"--python={sys.executable}", f"--from={first}", *(f"--with={other}" for other in others)]
+
+
+def checker(tool: str, *command: str | Path, statuses: tuple[int, ...] = (0,)) -> str:
+    """Standard output of a checker that ends with one of the statuses."""
+    done = subprocess.run([*uvx(tool), *command], capture_output=True, text=True, check=False)
+    if done.returncode not in statuses:
+        sys.exit(f"{tool} did not run:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
     return done.stdout
 
 
@@ -69,7 +81,7 @@ def doctor(root: Path) -> Iterator[Finding]:
 def lint(root: Path, folder: Path) -> Iterator[Finding]:
     """Its findings, from its report in `folder`."""
     target = folder / "lint.json"
-    checker("lerobot-lint", "lelint", "check", "--units=degrees", f"--json={target}", root)
+    checker("lerobot-lint", "lelint", "check", "--units=degrees", f"--json={target}", root, statuses=(0, 2))
     for finding in json.loads(target.read_text())["findings"]:
         yield finding["severity"], finding["check"]
 
@@ -95,8 +107,14 @@ def deepen(root: Path, folder: Path) -> Iterator[Finding]:
 def view(copy: Path, folder: Path) -> str:
     """Let LeRobot's viewer write a recording."""
     where = (f"--repo-id=local/{copy.name}", f"--root={copy}", f"--output-dir={folder}")
-    viewer = ("uvx", "--from", "lerobot[viz]==0.6.1", "lerobot-dataset-viz")
-    command = [*viewer, *where, "--episode-index=0", "--save=1", "--num-workers=0"]
+    command = [
+        *uvx("viewer"),
+        "lerobot-dataset-viz",
+        *where,
+        "--episode-index=0",
+        "--save=1",
+        "--num-workers=0",
+    ]
     subprocess.run(command, check=True, capture_output=True)
     [recording] = folder.glob("*.rrd")
     return f"opened, a recording of {recording.stat().st_size // 1024} KiB"
@@ -116,7 +134,7 @@ def main() -> None:
                 "deepen-grade": deepen(root, folder),
             }
             for tool, findings in tools.items():
-                print(f"{root.name}: {tool} {VERSIONS[tool]}")
+                print(f"{root.name}: {REQUIREMENTS[tool][0]}", flush=True)
                 counts = Counter(found for found in findings if found[0] not in ("pass", "n/a", "info"))
                 for (severity, rule), count in sorted(counts.items()):
                     known = rule in EXPLAINED[tool]
