@@ -6,8 +6,9 @@ ifeq ($(shell uname),Linux)
 export MUJOCO_GL ?= egl
 endif
 
-# Packages of another installation (ROS, for one) would shadow those in .venv.
-unexport PYTHONPATH
+# Packages of another installation (ROS, for one) would shadow those in .venv. And without compiled files,
+# every start of LeRobot would take seconds more.
+unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
 .PHONY: setup demo test lint clean
 

@@ -15,20 +15,20 @@ ENVIRONMENT = {key: value for key, value in os.environ.items() if key != "MUJOCO
 }
 
 
-def run(command: str, *arguments: str | Path) -> str:
+def run(command: str, *arguments: str | Path, **environment: str) -> str:
     """Run a command of the virtual environment; its output, or a failure that shows it."""
-    done = run_anyway(command, *arguments)
+    done = run_anyway(command, *arguments, **environment)
     assert done.returncode == 0, done.stdout[-4000:]
     return done.stdout
 
 
-def run_anyway(command: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+def run_anyway(command: str, *arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run a command that may fail; standard error is part of its output."""
     return subprocess.run(
         [_BIN / command, *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        env=ENVIRONMENT,
+        env=ENVIRONMENT | environment,
         check=False,
     )

@@ -19,6 +19,11 @@ if sys.platform == "linux":  # software rendering without a screen; must be set 
     os.environ.setdefault("MUJOCO_GL", "egl")
 
 
+os.environ["HF_HUB_OFFLINE"] = (
+    "1"  # no test needs the network; must be set before huggingface_hub is imported
+)
+
+
 @pytest.fixture(scope="session")
 def clant_dir() -> Path:
     """Folder of the original CLANT release; tests that need it are skipped without it."""

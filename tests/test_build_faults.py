@@ -50,7 +50,7 @@ def demonstrations(count: int = 5) -> list[Demonstration]:
 
 
 def build(root: Path, acted: Sequence[Demonstration] = (), **options: Any) -> None:
-    given = {"keep_failures": True, "height": 48, "width": 64, "video": True, "options": {"suite": "claeo"}}
+    given = {"keep_failures": True, "height": 48, "width": 64, "video": True, "recipe": {"suite": "claeo"}}
     build_dataset(acted or demonstrations(), SUITES["claeo"], "local/x", root, **given | options)
 
 
@@ -95,7 +95,7 @@ def test_a_full_disk_is_named_and_the_build_goes_on(
     assert tables(tmp_path / "data") == tables(whole)
 
 
-def test_a_half_built_folder_is_no_data_set_and_keeps_to_its_options(
+def test_a_half_built_folder_is_no_data_set_and_keeps_to_its_recipe(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     failing(monkeypatch, 1, RuntimeError(FULL))
@@ -105,7 +105,7 @@ def test_a_half_built_folder_is_no_data_set_and_keeps_to_its_options(
     with pytest.raises(Exception, match=r"(?i)offline|local/x"):
         LeRobotDataset("local/x", root=unfinished)
     with pytest.raises(BuildError, match=r"suite was claeo, is now clant.*or delete that folder"):
-        build(tmp_path / "data", options={"suite": "clant"})
+        build(tmp_path / "data", recipe={"suite": "clant"})
     with (
         FileLock(unfinished / "lock"),
         pytest.raises(BuildError, match="another process is building"),

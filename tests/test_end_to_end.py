@@ -86,6 +86,20 @@ def test_a_resumed_run_ends_with_the_same_weights(folder: Path, checkpoints: Pat
         assert torch.equal(tensor, after[key]), key
 
 
+def test_another_policy_trains_on_the_same_data(folder: Path):
+    output = folder / "act"
+    run(
+        "lerobot-train",
+        *("--policy.type=act", "--policy.device=cpu", "--policy.push_to_hub=false"),
+        *("--policy.pretrained_backbone_weights=null", "--policy.dim_model=16", "--policy.n_heads=2"),
+        *("--policy.chunk_size=8", "--policy.n_action_steps=8", "--policy.dim_feedforward=16"),
+        *("--dataset.repo_id=local/clant", f"--dataset.root={folder / 'data'}", f"--output_dir={output}"),
+        *("--batch_size=2", "--num_workers=0", "--steps=2"),
+    )
+    last = weights(output / "checkpoints" / "last")
+    assert all(tensor.isfinite().all() for tensor in last.values())
+
+
 @pytest.mark.parametrize(
     ("suite", "batch", "objects"), [("clant", 1, ()), ("claeo", 2, ("--env.objects=household",))]
 )

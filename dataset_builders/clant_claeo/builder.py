@@ -3,7 +3,7 @@
 
 Everything unfinished stands in `<root>.unfinished`, which is no data set to LeRobot:
 
-    options.json        what is being built; another build does not mix with it
+    recipe.json         what is being built; another build does not mix with it
     takes/00012/        one complete take each, see `takes`
     joined/             data sets joined so far; made again after an interruption
 """
@@ -14,7 +14,7 @@ import json
 import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
@@ -61,9 +61,10 @@ def build_dataset(
     width: int,
     video: bool,
     keep_failures: bool,
-    options: Mapping[str, Any],
+    recipe: Mapping[str, Any],
     shard: tuple[int, int] = (1, 1),
     workers: int = 1,
+    finish: Callable[[Path], None] = lambda root: None,
 ) -> Counter[Outcome]:
     """Replay `demonstrations` and write them to `root`, train episodes first and test episodes last.
 
@@ -79,10 +80,11 @@ def build_dataset(
         width: Columns of the pictures.
         video: Store frames as video; as single images otherwise.
         keep_failures: Also write episodes whose replay fails.
-        options: What tells this build from others, JSON values; a build goes on only with the same.
+        recipe: What tells this build from others, JSON values; a build goes on only with the same.
         shard: (i, n): the i-th, counted from 1, of n parts of the episodes. Joined in their order, the
             parts are the whole: test episodes still come last.
         workers: Parallel processes.
+        finish: Called with the folder of the data set before it is moved, to add its card.
 
     Returns:
         How many replays had which outcome.
@@ -103,31 +105,32 @@ def build_dataset(
     with _reporting_interruptions(studio, len(chosen)):
         unfinished.mkdir(parents=True, exist_ok=True)
         with _alone_in(unfinished), Workers(min(workers, len(chosen))) as crew:
-            _check_options(unfinished, options)
+            _check_recipe(unfinished, recipe)
             _make_takes(studio, chosen, crew)
             takes = [read_take(studio.take(index)) for index in range(len(chosen))]
             dataset = _join_takes(takes, repo_id, unfinished / "joined", crew)
+            finish(dataset)
             dataset.rename(root)
             shutil.rmtree(unfinished)
     return Counter(take.outcome for take in takes)
 
 
-def _check_options(unfinished: Path, options: Mapping[str, Any]) -> None:
+def _check_recipe(unfinished: Path, recipe: Mapping[str, Any]) -> None:
     """Write down what is being built, or compare with what was begun here."""
-    file = unfinished / "options.json"
+    file = unfinished / "recipe.json"
     if not file.exists():
         draft = file.with_suffix(".draft")
-        draft.write_text(json.dumps(options, indent=2), encoding="utf-8")
+        draft.write_text(json.dumps(recipe, indent=2), encoding="utf-8")
         draft.rename(file)
         return
     begun = json.loads(file.read_text(encoding="utf-8"))
-    now = json.loads(json.dumps(options))
+    now = json.loads(json.dumps(recipe))
     keys = dict.fromkeys([*begun, *now])
     if differing := [key for key in keys if begun.get(key) != now.get(key)]:
         raise BuildError(
-            f"{unfinished} holds an unfinished build with other options: "
+            f"{unfinished} holds an unfinished build of something else: "
             + ", ".join(f"{key} was {begun.get(key)}, is now {now.get(key)}" for key in differing)
-            + ". Give the same options to go on, or delete that folder to start afresh."
+            + ". Give the same command to go on, or delete that folder to start afresh."
         )
 
 

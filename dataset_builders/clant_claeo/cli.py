@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """`owlxt5-dataset`: make CLANT or CLAEO as a LeRobotDataset."""
 
+import os
+import shlex
 import sys
-from dataclasses import dataclass
-from importlib.metadata import version
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import draccus
@@ -13,11 +14,11 @@ from rich.console import Console
 from nico_tabletop.objects import SUITES, read_objects
 
 from .builder import BuildError, build_dataset
+from .card import Build, read_build, write_card
 from .demonstrations import Demonstration, from_release, scripted
+from .hub import HubError, create_repository, upload
 from .release import ReleaseError, read_release
 from .workers import quiet, usable_cores
-
-_FREE_TO_CHANGE = ("root", "repo_id", "workers")  # without any effect on the episodes
 
 
 @dataclass
@@ -45,6 +46,34 @@ class DatasetConfig:
     shard: str | None = None
     # Parallel processes; as many as there are usable cores when unset.
     workers: int | None = None
+    # Upload to the Hub as `repo_id`, after building it; what lies in `root` is not built again.
+    push_to_hub: bool = False
+    # Make the repository private; unset: only what is made from the release, which states no licence.
+    private: bool | None = None
+
+    @property
+    def name(self) -> str:
+        """What the data set is called: by its suite, or by the other objects that it has."""
+        return Path(self.objects or self.suite).stem
+
+
+# Options that say where a data set goes and how fast it gets there, not what is in it.
+_WITHOUT_EFFECT = {"repo_id", "root", "workers", "push_to_hub", "private"}
+
+
+def _command(config: DatasetConfig) -> str:
+    """The command that makes the same data set elsewhere; of a path it has the name alone."""
+    words = ["owlxt5-dataset", f"--suite={config.suite}"]
+    for field in fields(config):
+        value = getattr(config, field.name)
+        if field.name in _WITHOUT_EFFECT | {"suite"} or value == field.default:
+            continue
+        if field.name == "source":
+            value = "path/to/CLANT"
+        elif os.sep in (text := str(value)) and field.name != "shard":
+            value = f"path/to/{Path(text).name}"
+        words.append(f"--{field.name}={str(value).lower() if isinstance(value, bool) else value}")
+    return shlex.join(words)
 
 
 def _demonstrations(config: DatasetConfig) -> list[Demonstration]:
@@ -73,38 +102,69 @@ def _shard(text: str | None) -> tuple[int, int]:
     return int(part), int(parts)
 
 
-@draccus.wrap()
-def _make(config: DatasetConfig) -> None:
-    console = Console()
-    if config.suite not in SUITES:
-        raise ValueError(f"--suite must be one of {', '.join(SUITES)}; got {config.suite!r}")
+def _build(config: DatasetConfig, repo_id: str, root: Path, record: Build, console: Console) -> None:
     workers = usable_cores() if config.workers is None else config.workers
     if workers < 1:
         raise ValueError(f"--workers must be at least 1; got {workers}")
     shard = _shard(config.shard)
-    objects = config.objects or config.suite
-    name = Path(objects).stem
-    repo_id = config.repo_id or f"local/{name}"
-    root = config.root or HF_LEROBOT_HOME / repo_id
     demonstrations = _demonstrations(config)
-    kind = "the scripted expert" if config.source == "scripted" else "the original release"
-    console.print(f"{len(demonstrations)} demonstrations of {kind} on {name}")
+    if config.push_to_hub:
+        _prepare_push(config, repo_id)
+    kind = "the original release" if record.release else "the scripted expert"
+    console.print(f"{len(demonstrations)} demonstrations of {kind} on {config.name}")
     outcomes = build_dataset(
         demonstrations,
-        read_objects(objects),
+        read_objects(config.objects or config.suite),
         repo_id,
         root,
         height=config.height,
         width=config.width,
         video=config.video,
         # The release is kept whole; a script that failed demonstrates nothing.
-        keep_failures=config.source != "scripted",
-        options={key: value for key, value in draccus.encode(config).items() if key not in _FREE_TO_CHANGE}
-        | {"version": version("lerobot_policy_owlxt5")},
+        keep_failures=record.release,
+        recipe=asdict(record),
         shard=shard,
         workers=workers,
+        finish=lambda folder: write_card(folder, repo_id, record),
     )
     console.print("Replays: " + ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items()))
+
+
+def _prepare_push(config: DatasetConfig, repo_id: str) -> None:
+    """Fail before hours of building and not after them, if the Hub will not take the data set."""
+    if "/" not in repo_id or config.repo_id is None:
+        raise ValueError(f"--push_to_hub=true needs --repo_id=<your name on the Hub>/{config.name}")
+    create_repository(repo_id, private=_private(config))
+
+
+def _private(config: DatasetConfig) -> bool:
+    return config.source != "scripted" if config.private is None else config.private
+
+
+@draccus.wrap()
+def _make(config: DatasetConfig) -> None:
+    console = Console()
+    if config.suite not in SUITES:
+        raise ValueError(f"--suite must be one of {', '.join(SUITES)}; got {config.suite!r}")
+    repo_id = config.repo_id or f"local/{config.name}"
+    root = config.root or HF_LEROBOT_HOME / repo_id
+    record = Build(config.suite, config.name, config.source != "scripted", _command(config))
+    built = read_build(root)
+    if built is None or not config.push_to_hub:
+        _build(config, repo_id, root, record, console)
+    elif built.command == record.command:
+        _prepare_push(config, repo_id)
+        write_card(root, repo_id, built)
+        console.print("The data set is there already and is not built again")
+    else:
+        raise FileExistsError(
+            f"{root} holds what another command made: {built.command}. Choose another --root"
+        )
+    if config.push_to_hub:
+        console.print(f"Uploaded: {upload(root, repo_id)}", soft_wrap=True)
+        if record.release:
+            visible = "It is private" if _private(config) else "Be sure that you may share it"
+            console.print(f"{visible}: the release states no licence for its data (--private)")
     console.print(f"Data set: {root}", soft_wrap=True)
     command = f"lerobot-train --policy.type=owlxt5 --policy.push_to_hub=false --dataset.repo_id={repo_id}"
     console.print(f"Next: {command} --dataset.root={root}", soft_wrap=True)
@@ -118,7 +178,7 @@ def main() -> None:
     except KeyboardInterrupt:
         print("\nowlxt5-dataset: interrupted; the same command goes on after the last complete episode")
         sys.exit(130)
-    except (BuildError, ReleaseError, FileExistsError, ModuleNotFoundError, ValueError) as error:
+    except (BuildError, ReleaseError, HubError, FileExistsError, ModuleNotFoundError, ValueError) as error:
         sys.exit(f"owlxt5-dataset: {error}")
 
 

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The data set card: what lies in the folder, told to a person, with a picture made from its frames."""
+
+import json
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from huggingface_hub import DatasetCard, DatasetCardData
+from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
+from lerobot.datasets.language import LANGUAGE_EVENTS, LANGUAGE_PERSISTENT
+from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
+from PIL import Image
+
+from nico_tabletop.robot import EYES, JOINT_NAMES
+
+from .takes import OBJECTS
+
+_PACKAGES = ("lerobot_policy_owlxt5", "lerobot", "mujoco")
+_TEMPLATE = Path(__file__).with_name("card_template.md")
+_RELEASE_PAGE = "https://github.com/samsoneko/CrossT5"
+_RECORD = Path("meta/build.json")
+_PREVIEW = "preview.jpg"
+_PREVIEW_WIDTH = 240  # pixels, of one frame in the picture
+_PREVIEW_FRAMES = 4  # of an episode
+_PREVIEW_GAP = 4  # pixels
+
+_TEXTS = {
+    f"{OBS_IMAGES}.{EYES}": "picture between the eyes",
+    OBS_STATE: "joint angles in degrees, row t of the trajectory",
+    ACTION: "joint targets in degrees, row t + 1; the last row is held once",
+    OBJECTS: "**ground truth**: for the objects on the left, middle and right slot the box x0, y0, x1, y1 as "
+    "fractions of width and height (-1: out of view), and the name, 24 bytes UTF-8",
+    "timestamp": "seconds since the episode's start",
+    "frame_index": "number of the frame in its episode",
+    "episode_index": "number of the episode",
+    "index": "number of the frame in the data set",
+    "task_index": "number of the task; LeRobot returns its text as `task`, such as `slide-to-left red`",
+    LANGUAGE_PERSISTENT: "LeRobot's language column, see below",
+    LANGUAGE_EVENTS: "LeRobot's other language column; empty",
+}
+
+
+@dataclass(frozen=True)
+class Build:
+    """How a data set was made; stored with it, so that its card can be written again under another name.
+
+    Attributes:
+        suite: `clant` or `claeo`.
+        name: The suite, or the name of another set of objects.
+        release: Made from the original release, which states no licence; from a script of our own otherwise.
+        command: The command that makes it, without any path of the machine that it ran on.
+        versions: The packages that made it, such as `mujoco 4.0.0`.
+    """
+
+    suite: str
+    name: str
+    release: bool
+    command: str
+    versions: str = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
+
+
+def read_build(root: Path) -> Build | None:
+    """How the data set in `root` was made; None if nothing there tells."""
+    record = root / _RECORD
+    return Build(**json.loads(record.read_text())) if record.exists() else None
+
+
+def write_card(root: Path, repo_id: str, build: Build) -> None:
+    """Write `README.md`, its picture and the record of the build into a complete data set.
+
+    Args:
+        root: The data set's folder.
+        repo_id: Its name on the Hub, which the card's examples load.
+        build: How it was made.
+    """
+    (root / _RECORD).write_text(json.dumps(asdict(build), indent=4) + "\n")
+    meta = LeRobotDatasetMetadata(repo_id, root=root)
+    # One episode of each verb; an episode is named by the first word of its task.
+    tasks = [episode["tasks"][0] for episode in meta.episodes]
+    shown = {task.split()[0]: index for index, task in reversed(list(enumerate(tasks)))}
+    episodes = sorted(shown.values())
+    dataset = LeRobotDataset(repo_id, root=root, episodes=episodes, video_backend="pyav")
+    _preview(dataset, episodes).save(root / _PREVIEW, quality=85)
+    height, width, _ = meta.features[f"{OBS_IMAGES}.{EYES}"]["shape"]
+    card = DatasetCard.from_template(
+        DatasetCardData(
+            license="other" if build.release else "apache-2.0",
+            license_name="not-stated-by-its-authors" if build.release else None,
+            license_link=_RELEASE_PAGE if build.release else None,
+            pretty_name=build.name.upper(),
+            language=["en", "de"] if build.release else ["en"],
+            task_categories=["robotics"],
+            tags=["LeRobot", "NICO", "humanoid", "simulation", "vision-language-action"],
+            configs=[{"config_name": "default", "data_files": "data/*/*.parquet"}],
+        ),
+        template_path=str(_TEMPLATE),
+        title=build.name.upper(),
+        repo_id=repo_id,
+        suite=build.suite,
+        release=build.release,
+        command=build.command,
+        versions=build.versions,
+        episodes=meta.total_episodes,
+        frames=meta.total_frames,
+        fps=meta.fps,
+        width=width,
+        height=height,
+        objects=", ".join(sorted({task.split(maxsplit=1)[1] for task in tasks})),
+        shown=[tasks[index] for index in episodes],
+        columns=[(name, _type(feature), _TEXTS[name]) for name, feature in meta.features.items()],
+        joints=JOINT_NAMES,
+        rows=sorted(dataset.hf_dataset[0][LANGUAGE_PERSISTENT], key=_reading_order),
+        splits=_splits(meta),
+    )
+    card.save(root / "README.md")
+
+
+def _reading_order(row: dict[str, Any]) -> tuple[int, bool]:
+    """What is commanded first, what comes of it last; a sentence before its translation."""
+    return ("task_aug", "translation", "scene").index(row["style"]), row["role"] == "assistant"
+
+
+def _type(feature: dict[str, Any]) -> str:
+    shape = "" if feature["shape"] in ((1,), [1]) else f" ({', '.join(map(str, feature['shape']))})"
+    return f"{feature['dtype']}{shape}"
+
+
+def _splits(meta: LeRobotDatasetMetadata) -> list[tuple[str, int, int]]:
+    """Name, first and last episode of each split that has any."""
+    bounds = [(name, *map(int, part.split(":"))) for name, part in (meta.info.splits or {}).items()]
+    return [(name, start, end - 1) for name, start, end in bounds if end > start]
+
+
+def _preview(dataset: LeRobotDataset, episodes: list[int]) -> Image.Image:
+    """A row of frames for each of the episodes, which are all that `dataset` holds."""
+    height, width, _ = dataset.features[f"{OBS_IMAGES}.{EYES}"]["shape"]
+    size = (_PREVIEW_WIDTH, round(_PREVIEW_WIDTH * height / width))
+    step_x, step_y = (side + _PREVIEW_GAP for side in size)
+    canvas = (step_x * _PREVIEW_FRAMES - _PREVIEW_GAP, step_y * len(episodes) - _PREVIEW_GAP)
+    strip = Image.new("RGB", canvas, "white")
+    start = 0
+    for row, index in enumerate(episodes):
+        length = dataset.meta.episodes[index]["length"]
+        for column, step in enumerate(np.linspace(0, length - 1, _PREVIEW_FRAMES).round().astype(int)):
+            frame = dataset[int(start + step)][f"{OBS_IMAGES}.{EYES}"]
+            picture = Image.fromarray((frame.permute(1, 2, 0).numpy() * 255).round().astype(np.uint8))
+            strip.paste(picture.resize(size, Image.Resampling.LANCZOS), (column * step_x, row * step_y))
+        start += length
+    return strip
