@@ -207,7 +207,7 @@ def test_a_build_survives_the_death_of_its_processes(tmp_path: Path):
     assert len(gone) >= 2
     assert not root.exists()
 
-    run(COMMAND[0], *COMMAND[1:], f"--root={root}", "--workers=1")
+    run(*COMMAND, f"--root={root}", "--workers=1")
     same = _demonstrations(DatasetConfig(suite="claeo", arrangements=1))
     build(tmp_path / "unbroken", same, keep_failures=False, shard=(1, 3))
     assert tables(root) == tables(tmp_path / "unbroken")
