@@ -30,8 +30,11 @@ FULL = "Encoder thread for observation.images.eyes failed: [Errno 28] No space l
 
 
 def tables(root: Path) -> dict[Path, bytes]:
-    """All of a data set but its videos."""
-    files = [*root.glob("data/**/*.*"), *root.glob("meta/**/*.*")]
+    """All of a data set but its videos and its card."""
+    files = [
+        *root.glob("data/**/*.*"),
+        *(file for file in root.glob("meta/**/*.*") if file.name != "build.json"),
+    ]
     assert len(files) == 5  # data, episodes, tasks, info, stats
     return {file.relative_to(root): file.read_bytes() for file in files}
 

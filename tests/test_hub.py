@@ -185,7 +185,9 @@ def test_the_card_tells_a_person_what_it_is(root: Path):
 
 
 def test_the_card_never_licenses_the_releases_data(root: Path):
-    write_card(root, "me/claeo", Build("claeo", True, "owlxt5-dataset --suite=claeo --source=path/to/CLANT"))
+    write_card(
+        root, "me/claeo", Build("claeo", "claeo", True, "owlxt5-dataset --suite=claeo --source=path/to/CLANT")
+    )
     card = DatasetCard.load(root / "README.md")
     assert card.data.license == "other"
     assert card.data.license_name == "not-stated-by-its-authors"
