@@ -19,6 +19,7 @@ from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
 from tqdm import tqdm
 
 from nico_tabletop.env import EPISODE_STEPS, describe_objects
+from nico_tabletop.placement import OutOfReachError
 from nico_tabletop.robot import EYES, JOINT_NAMES
 from nico_tabletop.scoring import Outcome, judge
 from nico_tabletop.simulation import CONTROL_HZ, TabletopSimulation
@@ -55,9 +56,9 @@ def _features(height: int, width: int, video: bool, objects: int) -> dict[str, d
 def _replay(simulation: TabletopSimulation, demonstration: Demonstration, dataset: LeRobotDataset) -> Outcome:
     """Act one demonstration; each frame goes into the data set's episode buffer."""
     height, width, _ = dataset.features[f"{OBS_IMAGES}.{EYES}"]["shape"]
-    simulation.reset(demonstration.arrangement)
-    start = simulation.object_positions()
     joints = demonstration.joints
+    simulation.reset(demonstration.arrangement, demonstration.poses)
+    start = simulation.object_positions()
     targets = np.concatenate([joints[1:], joints[-1:]])
     for position, target in zip(joints, targets, strict=True):
         boxes = simulation.object_boxes(width / height)
@@ -139,7 +140,11 @@ def build_dataset(
     splits: Counter[str] = Counter()
     in_order = sorted(demonstrations, key=lambda demonstration: demonstration.split == "test")
     for demonstration in tqdm(in_order, desc="Replaying", unit="episode"):
-        outcome = _replay(simulation, demonstration, dataset)
+        try:
+            outcome = _replay(simulation, demonstration, dataset)
+        except OutOfReachError:  # raised before the first frame
+            outcomes[Outcome.FAILURE] += 1
+            continue
         outcomes[outcome] += 1
         if outcome is Outcome.FAILURE and not keep_failures:
             dataset.clear_episode_buffer()

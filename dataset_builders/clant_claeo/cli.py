@@ -13,6 +13,7 @@ from lerobot.utils.constants import HF_LEROBOT_HOME
 from rich.console import Console
 
 from nico_tabletop.objects import SUITES
+from nico_tabletop.scoring import Outcome
 from nico_tabletop.simulation import TabletopSimulation
 
 from .builder import build_dataset
@@ -28,6 +29,10 @@ class DatasetConfig:
     suite: str = "clant"
     # The folder CLANT of the original release, or `scripted` for the built-in expert (needs no download).
     source: str = "scripted"
+    # Where the scripted expert's objects stand: `slots`, or `free`: anywhere in reach, at any yaw.
+    placement: str = "slots"
+    # Seed of the free placement.
+    seed: int = 0
     # Name on the Hub; `local/<suite>` when unset.
     repo_id: str | None = None
     # Folder to make; LeRobot's own place for `repo_id` when unset.
@@ -43,7 +48,9 @@ class DatasetConfig:
 
 def _demonstrations(config: DatasetConfig) -> list[Demonstration]:
     if config.source == "scripted":
-        found = list(scripted(config.suite))
+        found = list(scripted(config.suite, config.placement, config.seed))
+    elif config.placement != "slots":
+        raise ValueError("the release's trajectories fit its slots: --placement=free needs --source=scripted")
     else:
         found = list(from_release(read_release(config.source), config.suite))
     if config.arrangements is None:
@@ -79,6 +86,9 @@ def _make(config: DatasetConfig) -> None:
         keep_failures=config.source != "scripted",
     )
     console.print("Replays: " + ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items()))
+    if config.source == "scripted":
+        rejected = outcomes[Outcome.FAILURE]
+        console.print(f"Rejected and not written: {rejected} of {len(demonstrations)} demonstrations")
     console.print(f"Data set: {root}", soft_wrap=True)
     command = f"lerobot-train --policy.type=owlxt5 --policy.push_to_hub=false --dataset.repo_id={repo_id}"
     console.print(f"Next: {command} --dataset.root={root}", soft_wrap=True)

@@ -3,16 +3,25 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_tabletop.objects import SUITES
+from nico_tabletop.placement import SLOT_POSES, Poses, find_placement
 from nico_tabletop.tasks import ACTIONS, Action, arrangements, find_action
 
 from .release import Arrangement, Release, Split
 from .wordings import wordings
+
+
+# The slots are the same in all arrangements: twelve plans serve 1440 demonstrations.
+@lru_cache(maxsize=len(ACTIONS))
+def _planned(action: Action, poses: Poses) -> NDArray[np.float64]:
+    from .expert import plan
+
+    return plan(action, poses)
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,8 +30,9 @@ class Demonstration:
 
     Attributes:
         action: What is done, and on which slot.
-        arrangement: Names of the objects on the left, middle and right slot.
-        joints: Trajectory, float64 (T, 10), degrees, 10 rows a second, in the order of `robot.JOINT_NAMES`.
+        arrangement: Names of the left, middle and right object.
+        poses: Where they stand.
+        recorded: The release's trajectory, see `joints`; None: the expert plans one when it is asked for.
         wordings: The accepted commands, the canonical one first.
         translation: An English sentence and its German translation, if the source has one.
         split: `train` or `test`.
@@ -30,7 +40,8 @@ class Demonstration:
 
     action: Action
     arrangement: Arrangement
-    joints: NDArray[np.float64]
+    poses: Poses
+    recorded: NDArray[np.float64] | None
     wordings: tuple[str, ...]
     translation: tuple[str, str] | None
     split: Split
@@ -39,6 +50,15 @@ class Demonstration:
     def task(self) -> str:
         """The canonical command."""
         return self.wordings[0]
+
+    @cached_property
+    def joints(self) -> NDArray[np.float64]:
+        """Trajectory, float64 (T, 10), degrees, 10 rows a second, in the order of `robot.JOINT_NAMES`.
+
+        Raises:
+            OutOfReachError: If the scripted expert finds no way.
+        """
+        return _planned(self.action, self.poses) if self.recorded is None else self.recorded
 
 
 def from_release(release: Release, suite: str) -> Iterator[Demonstration]:
@@ -55,26 +75,29 @@ def from_release(release: Release, suite: str) -> Iterator[Demonstration]:
         arrangement = (left, middle, right)
         words = sample.texts if suite == "clant" else wordings(action, objects[arrangement[action.slot]])
         translation = (sample.english, sample.german)
-        yield Demonstration(action, arrangement, sample.joints, words, translation, sample.split)
+        yield Demonstration(action, arrangement, SLOT_POSES, sample.joints, words, translation, sample.split)
 
 
-def scripted(suite: str) -> Iterator[Demonstration]:
+def scripted(suite: str, placement: str = "slots", seed: int = 0) -> Iterator[Demonstration]:
     """The twelve actions in all 120 arrangements, acted by the scripted expert; no translations.
+
+    Placement `free` (see `nico_tabletop.placement`) gives the k-th demonstration poses of its own, drawn from
+    `numpy.random.default_rng((seed, k))`: the same ones for every suite.
 
     Each action has 30 test episodes, as in the release: those whose arrangement's and action's numbers add up
     to a multiple of four (our decision).
 
     Raises:
         ModuleNotFoundError: If the extra `scripted` (mink) is not installed.
+        ValueError: If there is no such placement.
     """
-    from nico_tabletop.scene import SLOT_XY
+    from . import expert as expert  # fails now, not with the first trajectory, if mink is missing
 
-    from .expert import plan
-
-    trajectory = cache(lambda action: plan(action, SLOT_XY[action.slot]))
+    draw = find_placement(placement)
     objects = {item.name: item for item in SUITES[suite]}
     for number, arrangement in enumerate(arrangements(tuple(objects))):
         for index, action in enumerate(ACTIONS):
             split: Split = "test" if (number + index) % 4 == 0 else "train"
             words = wordings(action, objects[arrangement[action.slot]])
-            yield Demonstration(action, arrangement, trajectory(action), words, None, split)
+            poses = draw(np.random.default_rng((seed, len(ACTIONS) * number + index)))
+            yield Demonstration(action, arrangement, poses, None, words, None, split)
