@@ -79,14 +79,14 @@ def test_a_resumed_run_ends_with_the_same_weights(folder: Path, checkpoints: Pat
         assert torch.equal(tensor, after[key]), key
 
 
-@pytest.mark.parametrize(("suite", "batch"), [("clant", 1), ("claeo", 2)])
-def test_a_checkpoint_is_evaluated(folder: Path, checkpoints: Path, suite: str, batch: int):
+@pytest.mark.parametrize(("suite", "batch", "placement"), [("clant", 1, "slots"), ("claeo", 2, "free")])
+def test_a_checkpoint_is_evaluated(folder: Path, checkpoints: Path, suite: str, batch: int, placement: str):
     output = folder / f"eval_{suite}"
     run(
         "lerobot-eval",
         f"--policy.path={checkpoints / 'last' / 'pretrained_model'}",
         *(f"--env.type={suite}", "--env.task=PUSH-L", "--policy.device=cpu"),
-        *("--env.observation_height=48", "--env.observation_width=64"),
+        *(f"--env.placement={placement}", "--env.observation_height=48", "--env.observation_width=64"),
         *(f"--eval.n_episodes={batch}", f"--eval.batch_size={batch}", f"--output_dir={output}"),
     )
     info = json.loads((output / "eval_info.json").read_text())
