@@ -2,6 +2,8 @@
 """The data set builder, through its command."""
 
 import json
+import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +13,15 @@ import pytest
 from lerobot.datasets import LeRobotDataset
 from lerobot.datasets.io_utils import write_table_one_row_group_per_episode
 
+from clant_claeo.builder import build_dataset
 from clant_claeo.demonstrations import from_release, scripted
 from clant_claeo.release import Release
 from commands import run, run_anyway
 from nico_tabletop.env import NAME_BYTES
-from nico_tabletop.robot import JOINT_NAMES
+from nico_tabletop.objects import SUITES
+from nico_tabletop.placement import Pose
+from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES
+from nico_tabletop.scoring import Outcome
 from nico_tabletop.tasks import ACTIONS
 from test_release import replace_line, write_release
 
@@ -102,6 +108,60 @@ def test_scripted_demonstrations_are_split_like_the_release():
     for action in ACTIONS:
         mine = [demonstration.split for demonstration in found if demonstration.action == action]
         assert (mine.count("train"), mine.count("test")) == (90, 30)
+
+
+def test_free_placement_gives_every_demonstration_poses_of_its_own():
+    one, again, other = (list(scripted("claeo", "free", seed)) for seed in (1, 1, 2))
+    assert [d.poses for d in one] == [d.poses for d in again]
+    assert len({pose for d in one + other for pose in d.poses}) == 3 * 2 * 1440
+    lazy = pickle.dumps(one[0])
+    assert len(lazy) < 2000  # the trajectory is planned where it is needed
+    np.testing.assert_array_equal(pickle.loads(lazy).joints, again[0].joints)
+
+
+def test_the_command_places_objects_freely(tmp_path: Path):
+    root = tmp_path / "free"
+    free = ("--suite=clant", "--placement=free", "--seed=3", f"--root={root}", *SMALL)
+    output = run("owlxt5-dataset", *free)
+    dataset = LeRobotDataset("local/clant", root=root, video_backend="pyav")
+    assert f"Rejected and not written: {12 - dataset.num_episodes} of 12 demonstrations" in output
+    starts = dataset.hf_dataset[list(dataset.meta.episodes["dataset_from_index"])]["observation.objects"]
+    boxes = np.stack(starts).reshape(-1, 3, 4 + NAME_BYTES)[:, :, :4]
+    assert len(np.unique(boxes[:, 0], axis=0)) == dataset.num_episodes
+
+
+def test_demonstrations_that_fail_are_not_written(tmp_path: Path):
+    good = next(scripted("clant"))
+    unreachable = replace(good, poses=(Pose(0.6, 0.2), *good.poses[1:]))
+    fails = replace(good, recorded=np.tile(INITIAL_POSE_DEG, (40, 1)))
+    outcomes = build_dataset(
+        [unreachable, good, fails],
+        SUITES["clant"],
+        "local/clant",
+        tmp_path / "data",
+        height=48,
+        width=64,
+        video=False,
+        keep_failures=False,
+        recipe={},
+    )
+    assert outcomes == {Outcome.PERFECT: 1, Outcome.FAILURE: 2}
+    dataset = LeRobotDataset("local/clant", root=tmp_path / "data")
+    assert dataset.num_episodes == 1 and dataset.num_frames == len(good.joints)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--placement=free", "--source=/nowhere"), "--placement=free needs --source=scripted"),
+        (("--placement=anywhere",), "placement must be one of slots, free; got 'anywhere'"),
+    ],
+)
+def test_a_placement_that_cannot_be_is_refused(tmp_path: Path, options: tuple[str, ...], message: str):
+    done = run_anyway("owlxt5-dataset", f"--root={tmp_path / 'data'}", *options)
+    assert done.returncode == 1
+    assert message in done.stdout
+    assert "Traceback" not in done.stdout
 
 
 def test_the_release_is_copied_exactly(clant_dir: Path, tmp_path: Path):

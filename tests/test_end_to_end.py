@@ -100,17 +100,17 @@ def test_another_policy_trains_on_the_same_data(folder: Path):
     assert all(tensor.isfinite().all() for tensor in last.values())
 
 
-@pytest.mark.parametrize(
-    ("suite", "batch", "objects"), [("clant", 1, ()), ("claeo", 2, ("--env.objects=household",))]
-)
-def test_a_checkpoint_is_evaluated(
-    folder: Path, checkpoints: Path, suite: str, batch: int, objects: tuple[str, ...]
-):
+# With all that the evaluation can be told.
+OPTIONS = {"clant": ("--env.placement=free",), "claeo": ("--env.objects=household",)}
+
+
+@pytest.mark.parametrize(("suite", "batch"), [("clant", 1), ("claeo", 2)])
+def test_a_checkpoint_is_evaluated(folder: Path, checkpoints: Path, suite: str, batch: int):
     output = folder / f"eval_{suite}"
     run(
         "lerobot-eval",
         f"--policy.path={checkpoints / 'last' / 'pretrained_model'}",
-        *(f"--env.type={suite}", *objects, "--env.task=PUSH-L", "--policy.device=cpu"),
+        *(f"--env.type={suite}", *OPTIONS[suite], "--env.task=PUSH-L", "--policy.device=cpu"),
         *("--env.observation_height=48", "--env.observation_width=64"),
         *(f"--eval.n_episodes={batch}", f"--eval.batch_size={batch}", f"--output_dir={output}"),
     )

@@ -12,6 +12,7 @@ from lerobot.utils.constants import HF_LEROBOT_HOME
 from rich.console import Console
 
 from nico_tabletop.objects import SUITES, read_objects
+from nico_tabletop.scoring import Outcome
 
 from .builder import BuildError, build_dataset
 from .card import Build, read_build, write_card
@@ -31,6 +32,10 @@ class DatasetConfig:
     source: str = "scripted"
     # Set of objects: a shipped one (`clant`, `claeo`, `household`) or a YAML file; unset: the suite's own.
     objects: str | None = None
+    # Where the scripted expert's objects stand: `slots`, or `free`: anywhere in reach, at any yaw.
+    placement: str = "slots"
+    # Seed of the free placement.
+    seed: int = 0
     # Name on the Hub; `local/<suite>` when unset, or `local/<set of objects>`.
     repo_id: str | None = None
     # Folder to make; LeRobot's own place for `repo_id` when unset.
@@ -78,7 +83,9 @@ def _command(config: DatasetConfig) -> str:
 
 def _demonstrations(config: DatasetConfig) -> list[Demonstration]:
     if config.source == "scripted":
-        found = list(scripted(config.objects or config.suite))
+        found = list(scripted(config.objects or config.suite, config.placement, config.seed))
+    elif config.placement != "slots":
+        raise ValueError("the release's trajectories fit its slots: --placement=free needs --source=scripted")
     else:
         objects = read_objects(config.objects) if config.objects else None
         found = list(from_release(read_release(config.source), config.suite, objects))
@@ -128,6 +135,9 @@ def _build(config: DatasetConfig, repo_id: str, root: Path, record: Build, conso
         finish=lambda folder: write_card(folder, repo_id, record),
     )
     console.print("Replays: " + ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items()))
+    if not record.release:
+        rejected = outcomes[Outcome.FAILURE]
+        console.print(f"Rejected and not written: {rejected} of {outcomes.total()} demonstrations")
 
 
 def _prepare_push(config: DatasetConfig, repo_id: str) -> None:

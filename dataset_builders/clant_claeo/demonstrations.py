@@ -3,12 +3,13 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_tabletop.objects import SUITES, TabletopObject, read_objects
+from nico_tabletop.placement import SLOT_POSES, Poses, find_placement
 from nico_tabletop.tasks import ACTIONS, Action, arrangements, find_action
 
 from .release import Arrangement, Release, Split
@@ -17,14 +18,23 @@ from .wordings import wordings
 _ARRANGEMENTS = 120  # of CLANT: all ordered triples of its six cubes
 
 
+# The slots are the same in all arrangements: twelve plans serve 1440 demonstrations.
+@lru_cache(maxsize=len(ACTIONS))
+def _planned(action: Action, poses: Poses) -> NDArray[np.float64]:
+    from .expert import plan
+
+    return plan(action, poses)
+
+
 @dataclass(frozen=True, eq=False)
 class Demonstration:
     """One episode before it is replayed.
 
     Attributes:
         action: What is done, and on which slot.
-        arrangement: Names of the objects on the left, middle and right slot.
-        joints: Trajectory, float64 (T, 10), degrees, 10 rows a second, in the order of `robot.JOINT_NAMES`.
+        arrangement: Names of the left, middle and right object.
+        poses: Where they stand.
+        recorded: The release's trajectory, see `joints`; None: the expert plans one when it is asked for.
         wordings: The accepted commands, the canonical one first.
         translation: An English sentence and its German translation, if the source has one.
         split: `train` or `test`.
@@ -32,7 +42,8 @@ class Demonstration:
 
     action: Action
     arrangement: Arrangement
-    joints: NDArray[np.float64]
+    poses: Poses
+    recorded: NDArray[np.float64] | None
     wordings: tuple[str, ...]
     translation: tuple[str, str] | None
     split: Split
@@ -41,6 +52,15 @@ class Demonstration:
     def task(self) -> str:
         """The canonical command."""
         return self.wordings[0]
+
+    @cached_property
+    def joints(self) -> NDArray[np.float64]:
+        """Trajectory, float64 (T, 10), degrees, 10 rows a second, in the order of `robot.JOINT_NAMES`.
+
+        Raises:
+            OutOfReachError: If the scripted expert finds no way.
+        """
+        return _planned(self.action, self.poses) if self.recorded is None else self.recorded
 
 
 def from_release(
@@ -78,7 +98,7 @@ def from_release(
         arrangement = (left, middle, right)
         words = sample.texts if suite == "clant" else wordings(action, items[arrangement[action.slot]])
         translation = (sample.english, sample.german)
-        yield Demonstration(action, arrangement, sample.joints, words, translation, sample.split)
+        yield Demonstration(action, arrangement, SLOT_POSES, sample.joints, words, translation, sample.split)
 
 
 def _spread(names: tuple[str, ...]) -> list[Arrangement]:
@@ -90,30 +110,34 @@ def _spread(names: tuple[str, ...]) -> list[Arrangement]:
     return [every[index] for index in sorted(chosen)]
 
 
-def scripted(objects: str) -> Iterator[Demonstration]:
+def scripted(objects: str, placement: str = "slots", seed: int = 0) -> Iterator[Demonstration]:
     """The twelve actions in 120 arrangements, acted by the scripted expert; no translations.
 
     Six objects have just 120 arrangements; of more objects 120 are drawn, with a fixed seed, and fewer than
     six have fewer (our decision).
+
+    Placement `free` (see `nico_tabletop.placement`) gives the k-th demonstration poses of its own, drawn from
+    `numpy.random.default_rng((seed, k))`: the same ones for every suite.
 
     Each action has 30 test episodes, as in the release: those whose arrangement's and action's numbers add up
     to a multiple of four (our decision).
 
     Args:
         objects: Name of a shipped set, such as `claeo`, or path of a YAML file.
+        placement: `slots` or `free`.
+        seed: Of the free placement.
 
     Raises:
         ModuleNotFoundError: If the extra `scripted` (mink) is not installed.
-        ObjectsError: If the objects cannot be used.
+        ValueError: If the objects cannot be used or there is no such placement.
     """
-    from nico_tabletop.scene import SLOT_XY
+    from . import expert as expert  # fails now, not with the first trajectory, if mink is missing
 
-    from .expert import plan
-
-    trajectory = cache(lambda action: plan(action, SLOT_XY[action.slot]))
+    draw = find_placement(placement)
     items = {item.name: item for item in read_objects(objects)}
     for number, arrangement in enumerate(_spread(tuple(items))):
         for index, action in enumerate(ACTIONS):
             split: Split = "test" if (number + index) % 4 == 0 else "train"
             words = wordings(action, items[arrangement[action.slot]])
-            yield Demonstration(action, arrangement, trajectory(action), words, None, split)
+            poses = draw(np.random.default_rng((seed, len(ACTIONS) * number + index)))
+            yield Demonstration(action, arrangement, poses, None, words, None, split)

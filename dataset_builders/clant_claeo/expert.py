@@ -6,15 +6,19 @@ the side of the object from which to move it, lower, stroke through the object's
 the grip and the arm depend on the verb. mink's inverse kinematics turns the movement into joint angles.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from itertools import product
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_tabletop.objects import CUBE_HALF_WIDTH
+from nico_tabletop.objects import CUBE_HALF_WIDTH, SUITES
+from nico_tabletop.placement import OutOfReachError, Pose
 from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES
-from nico_tabletop.scene import TABLE_HEIGHT, build_model
+from nico_tabletop.scene import TABLE_HEIGHT, build_model, resting_place
 from nico_tabletop.simulation import CONTROL_HZ
 from nico_tabletop.tasks import Action
 
@@ -47,12 +51,19 @@ class Grip:
     shift: float = 0.0
 
 
-_GRIPS = {
-    "push": Grip(fingers=(1, 0.05, -0.3), palm=(0, 1, -1), height=0.03),
-    # Steep fingers: the thumb, which points where the palm looks, must stay above the object.
-    "pull": Grip(fingers=(1, 0.3, -1.2), palm=(-1, 0, -1), height=0.025),
-    # Beyond the object's middle, so that the thumb, nearer to the wrist, does not touch it.
-    "slide": Grip(fingers=(1, 0.15, -0.2), palm=(0, 1, 0), height=0.035, shift=0.01),
+# By verb, the best one first; the next one serves where it would touch another object.
+_GRIPS: dict[str, tuple[Grip, ...]] = {
+    # A level palm holds a corner between its two fingers.
+    "push": (Grip(fingers=(1, 0.05, -0.3), palm=(0, 0.5, -1), height=0.03),),
+    # Steep fingers and a thumb turned aside: it must not come down on the object and tip it.
+    "pull": (Grip(fingers=(1, 0.3, -2.5), palm=(-1, 0.7, 0), height=0.028),),
+    # Beyond the object's middle, so that the thumb, nearer to the wrist, does not touch it. Steeper fingers
+    # carry the palm over a neighbour.
+    "slide": (
+        Grip(fingers=(1, 0.15, -0.2), palm=(0, 1, 0), height=0.035, shift=0.01),
+        Grip(fingers=(1, 0.15, -0.8), palm=(0, 1, 0), height=0.035, shift=0.01),
+        Grip(fingers=(1, 0.15, -1.5), palm=(0, 1, 0), height=0.035, shift=0.01),
+    ),
 }
 
 # Metres. The middle between the tips of both fingers stands for the hand.
@@ -61,6 +72,7 @@ _STROKE = 0.085  # the object follows over some 60 mm of it
 _RETREAT = 0.02  # back along the stroke, so that lifting does not drag the object along
 _LIFT = 0.07  # from the height of the stroke to clear other objects
 _TOLERANCE = 0.015  # error of the fingertips at both ends of the stroke
+_MARGIN = 0.006  # between a hand and the objects that are not to be moved
 _MIDDLE = 0.07  # an object farther from the robot's middle is on the left or right side
 
 _SPEED = 0.11  # of the fingertips, mean over a leg, metres per second
@@ -73,15 +85,24 @@ _DAMPING = 1e-4
 _SUBSTEPS = 5  # of the inverse kinematics per row
 
 
-class OutOfReachError(ValueError):
-    """The arm cannot bring its fingertips to the object."""
+@cache
+def _robot() -> mujoco.MjModel:
+    return build_model(())
+
+
+@cache
+def _cubes() -> mujoco.MjModel:
+    """The robot and three cubes, which feel a hand that is closer than `_MARGIN`."""
+    model = build_model(SUITES["clant"][:3])
+    model.geom_margin[:] = _MARGIN
+    return model
 
 
 class _Arm:
     """Inverse kinematics of one arm: the pose of its fingertips in, joint angles of the whole robot out."""
 
     def __init__(self, side: str) -> None:
-        model = build_model(())
+        model = _robot()
         self._body = f"{side}_palm_11"
         self._columns = [model.joint(name).qposadr[0] for name in JOINT_NAMES]
         # CLANT's first row lies a hundredth of a degree beyond the elbows' limits.
@@ -167,32 +188,79 @@ def _ease(steps: int) -> Vector:
     return time**2 * (3 - 2 * time)
 
 
-def plan(action: Action, position: tuple[float, float]) -> NDArray[np.float64]:
-    """Joint trajectory that moves the object at `position` in the direction of `action`.
+def plan(action: Action, poses: Sequence[Pose]) -> NDArray[np.float64]:
+    """Joint trajectory that moves one of three objects in the direction of `action`.
 
-    Slides use the arm that sweeps inwards, pushes and pulls the one on the object's side (in the middle the
-    right one), as CLANT does. The action's slot plays no part. The same arguments give the same numbers.
+    Slides prefer the arm that sweeps inwards, pushes and pulls the one on the object's side (in the middle
+    the right one), as CLANT does. If that one does not reach the object, or its hand would touch another one,
+    another grip or the other arm does it. The same arguments give the same numbers.
 
     Args:
-        action: What to do.
-        position: Middle of the object (x, y), world frame, metres.
+        action: What to do; its slot tells the left, middle or right object.
+        poses: Where the left, middle and right object stand.
 
     Returns:
         Joint targets, shape (T, 10), float64, degrees, in the order of `robot.JOINT_NAMES`, `CONTROL_HZ` rows
         a second. The first row is `robot.INITIAL_POSE_DEG`; T lies between 40 and 85, like CLANT's.
 
     Raises:
-        OutOfReachError: If the fingertips cannot make the stroke at this place.
+        OutOfReachError: If no arm can make the stroke without touching another object.
     """
-    side = 0 if abs(position[1]) <= _MIDDLE else int(np.sign(position[1]))  # 1 left, -1 right
-    acting = "left" if (action.direction[1] or -side) < 0 else "right"
+    problems = []
+    grips = _GRIPS[action.verb.split("-")[0]]
+    for acting, grip in product(_arms(action, poses[action.slot]), grips):
+        try:
+            rows = _movement(action, poses[action.slot], acting, grip)
+        except OutOfReachError as error:
+            problems.append(str(error))
+            continue
+        if _is_clear(rows, acting, action.slot, poses):
+            return rows
+        problems.append(f"the {acting} hand would touch another object")
+    x, y, _ = poses[action.slot]
+    raise OutOfReachError(f"{action.name} at x {x:.3f} m, y {y:.3f} m: {'; '.join(problems)}")
+
+
+def _is_clear(rows: NDArray[np.float64], acting: str, slot: int, poses: Sequence[Pose]) -> bool:
+    """Whether the acting hand, once risen, stays `_MARGIN` away from all objects but the one to move."""
+    model = _cubes()
+    data = mujoco.MjData(model)
+    names = [item.name for item in SUITES["clant"][:3]]
+    for name, pose in zip(names, poses, strict=True):
+        data.joint(name).qpos[:] = resting_place(pose)
+    others = [model.body(name).id for index, name in enumerate(names) if index != slot]
+    hand = model.body(f"{acting}_palm_11").id
+    joints = [model.joint(name).qposadr[0] for name in JOINT_NAMES]
+    for row in rows[round(_RISE_SECONDS * CONTROL_HZ) :]:
+        data.qpos[joints] = np.deg2rad(row)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        # Whether the margins of two geoms add up depends on MuJoCo's version.
+        bodies = model.geom_bodyid[data.contact.geom[data.contact.dist < _MARGIN]]
+        if ((bodies == hand).any(axis=1) & np.isin(bodies, others).any(axis=1)).any():
+            return False
+    return True
+
+
+def _side(pose: Pose) -> int:
+    """Where an object stands: 1 left, -1 right, 0 in the middle."""
+    return 0 if abs(pose.y) <= _MIDDLE else int(np.sign(pose.y))
+
+
+def _arms(action: Action, pose: Pose) -> tuple[str, str]:
+    """Both arms, the preferred one first."""
+    left_first = (action.direction[1] or -_side(pose)) < 0
+    return ("left", "right") if left_first else ("right", "left")
+
+
+def _movement(action: Action, pose: Pose, acting: str, grip: Grip) -> NDArray[np.float64]:
+    """The trajectory of `plan` with a given arm and grip, whatever else stands on the table."""
     arm = _Arm(acting)
-    grip = _GRIPS[action.verb.split("-")[0]]
     held = arm.hold(grip)
 
     direction = np.array([*action.direction, 0.0])
     up = np.array([0.0, 0.0, _LIFT])
-    place = np.array([position[0] + grip.shift, position[1], TABLE_HEIGHT + grip.height])
+    place = np.array([pose.x + grip.shift, pose.y, TABLE_HEIGHT + grip.height])
     begin = place - direction * (CUBE_HALF_WIDTH + _GAP)
     end = begin + direction * _STROKE
     after = end - direction * _RETREAT
@@ -203,14 +271,12 @@ def plan(action: Action, position: tuple[float, float]) -> NDArray[np.float64]:
     for goal in (begin, end):
         rows += arm.reach(goal, held)
         if (miss := float(np.linalg.norm(arm.fingertips - goal))) > _TOLERANCE:
-            raise OutOfReachError(
-                f"{action.name} at x {position[0]:.3f} m, y {position[1]:.3f} m: the {acting} hand stays "
-                f"{miss * 100:.1f} cm away from its place beside the object; put it nearer to a slot"
-            )
+            raise OutOfReachError(f"the {acting} hand stays {miss * 100:.1f} cm off its way")
     rows += arm.reach(after, held) + arm.reach(after + up, held)
 
     trajectory = np.array([INITIAL_POSE_DEG, *rows])
     idle = "right" if acting == "left" else "left"
+    side = _side(pose)
     if side == (1 if idle == "left" else -1):
         swing = np.concatenate([_ease(_SWING_STEPS), np.ones(len(rows) - _SWING_STEPS)])
         trajectory[1:, JOINT_NAMES.index(f"{idle[0]}_shoulder_z")] += side * _SWING_DEG * swing

@@ -6,7 +6,7 @@ A take appears under its name only when it is complete, so a build that was kill
 
 import json
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from nico_tabletop.env import describe_objects
 from nico_tabletop.objects import TabletopObject
+from nico_tabletop.placement import OutOfReachError
 from nico_tabletop.replay import replay
 from nico_tabletop.robot import EYES, JOINT_NAMES
 from nico_tabletop.scoring import Outcome
@@ -136,7 +137,11 @@ def make_take(studio: Studio, numbered: tuple[int, Demonstration]) -> int:
 
 def _record(studio: Studio, demonstration: Demonstration, folder: Path) -> Take:
     simulation = _simulation(studio.objects)
-    height, width, joints = studio.height, studio.width, demonstration.joints
+    height, width = studio.height, studio.width
+    try:
+        joints = demonstration.joints
+    except OutOfReachError:
+        return Take(None, 0, demonstration.split, Outcome.FAILURE, [])
     objects = describe_objects(np.zeros((len(SLOTS), 4)), ("",) * len(SLOTS)).size
     dataset = LeRobotDataset.create(
         "local/take",
@@ -169,7 +174,7 @@ def _record(studio: Studio, demonstration: Demonstration, folder: Path) -> Take:
         if when := {0: "first", len(joints) - 1: "last"}.get(step):
             boxes[when] = _named(simulation, simulation.segmented_boxes(EYES, height, width))
 
-    simulation.reset(demonstration.arrangement)
+    simulation.reset(demonstration.arrangement, demonstration.poses)
     outcome = replay(simulation, demonstration.action, joints, record_frame)
     if outcome is Outcome.FAILURE and not studio.keep_failures:
         dataset.clear_episode_buffer()
@@ -192,11 +197,12 @@ def _check_videos(folder: Path, frames: int) -> None:
                 raise OSError(f"{path} has {written} frames instead of {frames}")
 
 
+def _rounded(values: Iterable[float]) -> list[float]:
+    return [round(value, 4) for value in values]
+
+
 def _named(simulation: TabletopSimulation, boxes: NDArray[np.float64]) -> dict[str, list[float]]:
-    return {
-        name: [round(edge, 4) for edge in box.tolist()]
-        for name, box in zip(simulation.arrangement, boxes, strict=True)
-    }
+    return {name: _rounded(box.tolist()) for name, box in zip(simulation.arrangement, boxes, strict=True)}
 
 
 def _language_rows(
@@ -208,6 +214,7 @@ def _language_rows(
     """
     scene = {
         "objects": dict(zip(SLOTS, demonstration.arrangement, strict=True)),
+        "poses": dict(zip(SLOTS, (_rounded(pose) for pose in demonstration.poses), strict=True)),
         "boxes": boxes,
         "outcome": str(outcome),
         "split": demonstration.split,

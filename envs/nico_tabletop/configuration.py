@@ -12,6 +12,7 @@ from lerobot.envs.utils import _LazyAsyncVectorEnv
 from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
 
 from .env import TabletopEnv
+from .placement import find_placement
 from .robot import EYES, JOINT_NAMES
 from .simulation import CONTROL_HZ
 from .tasks import ACTIONS, find_action
@@ -24,6 +25,7 @@ class TabletopEnvConfig(EnvConfig):
     Attributes:
         task: CLANT's action names, separated by commas, such as `PUSH-L,SLIDE-M-R`; all twelve when unset.
             The task id of an action is its place in CLANT's order, whatever is chosen.
+        placement: `slots` (objects stand on CLANT's three slots) or `free` (anywhere in reach, at any yaw).
         observation_height: Rows of the eyes' picture.
         observation_width: Columns of the eyes' picture.
         objects: Set of objects that stands on the table: the name of a shipped one (`clant`, `claeo`,
@@ -31,6 +33,7 @@ class TabletopEnvConfig(EnvConfig):
     """
 
     task: str | None = None
+    placement: str = "slots"
     fps: int = CONTROL_HZ
     observation_height: int = 240
     observation_width: int = 320
@@ -61,6 +64,7 @@ class TabletopEnvConfig(EnvConfig):
             "height": self.observation_height,
             "width": self.observation_width,
             "objects": self.objects,
+            "placement": self.placement,
         }
 
     def create_envs(
@@ -69,8 +73,10 @@ class TabletopEnvConfig(EnvConfig):
         """One vector environment per action: {suite: {task id: environments}}.
 
         Raises:
-            ValueError: If `task` names an unknown action or the objects cannot be used.
+            ValueError: If `task` names an unknown action, `placement` is unknown, or the objects cannot be
+                used.
         """
+        find_placement(self.placement)  # asynchronous environments would find out in their workers
         chosen = [find_action(name) for name in self.task.split(",")] if self.task else ACTIONS
         envs: dict[int, Any] = {}
         for action in chosen:

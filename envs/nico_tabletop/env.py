@@ -9,6 +9,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from .objects import NAME_BYTES, SUITES, read_objects
+from .placement import Pose, find_placement
 from .robot import EYES, INITIAL_POSE_DEG, joint_limits_deg
 from .scene import SPECTATOR
 from .scoring import judge
@@ -35,7 +36,7 @@ def describe_objects(boxes: NDArray[np.float64], names: tuple[str, ...]) -> NDAr
 
 
 class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
-    """NICO shall push, pull or slide the object on one slot; each reset draws which objects stand there.
+    """NICO shall push, pull or slide one of three objects; each reset draws which objects stand where.
 
     Observation:
         pixels/eyes: uint8 (height, width, 3), the picture between NICO's eyes.
@@ -48,14 +49,21 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
     An episode ends after `EPISODE_STEPS` steps. Then `info` has `is_success` and `outcome`, and the reward
     is 1 for a perfect, 0.5 for a successful outcome.
 
-    `reset(options={"arrangement": (left, middle, right)})` names the objects instead of drawing them.
+    `reset(options={"arrangement": (left, middle, right)})` names the objects instead of drawing them, and
+    `options={"poses": ((x, y, yaw), …)}` says how they stand, see `placement.Pose`. Reset's info has both.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": CONTROL_HZ}  # noqa: RUF012  Gymnasium's own attribute
     render_mode = "rgb_array"
 
     def __init__(
-        self, suite: str, action: str, height: int = 240, width: int = 320, objects: str | None = None
+        self,
+        suite: str,
+        action: str,
+        height: int = 240,
+        width: int = 320,
+        placement: str = "slots",
+        objects: str | None = None,
     ) -> None:
         """Make the environment; the GL context comes with the first picture.
 
@@ -64,15 +72,17 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
             action: CLANT's name of the action, such as `PUSH-L`.
             height: Rows of the eyes' picture.
             width: Columns of the eyes' picture.
+            placement: `slots` (CLANT's three places) or `free` (drawn anew in each reset, `draw_poses`).
             objects: Name of a shipped set of objects or path of a YAML file; the suite's own when unset.
 
         Raises:
-            ValueError: If there is no such suite or action, or if the objects cannot be used.
+            ValueError: If there is no such suite, action or placement, or if the objects cannot be used.
         """
         if suite not in SUITES:
             raise ValueError(f"no suite is called {suite!r}; there are {', '.join(SUITES)}")
         self.suite = suite
         self.action = find_action(action)
+        self._draw_poses = find_placement(placement)
         self._size = (height, width)
         self._max_episode_steps = EPISODE_STEPS
         self._simulation = TabletopSimulation(SUITES[suite] if objects is None else read_objects(objects))
@@ -102,14 +112,19 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Place three objects and return to the initial pose; see the class for the observation."""
         super().reset(seed=seed)
-        arrangement = (options or {}).get("arrangement")
+        options = options or {}
+        arrangement = options.get("arrangement")
         if arrangement is None:
             choices = arrangements(tuple(self._simulation.objects))
             arrangement = choices[self.np_random.integers(len(choices))]
-        self._simulation.reset(arrangement)
+        poses = options.get("poses")
+        if poses is None:
+            poses = self._draw_poses(self.np_random)
+        poses = tuple(Pose(*pose) for pose in poses)
+        self._simulation.reset(arrangement, poses)
         self._start = self._simulation.object_positions()
         self._step = 0
-        return self._observation(), {"arrangement": self._simulation.arrangement}
+        return self._observation(), {"arrangement": self._simulation.arrangement, "poses": poses}
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Follow the joint targets for 0.1 s; see the class for observation, reward and info."""

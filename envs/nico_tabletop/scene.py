@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The MuJoCo model of the world: NICO, the table, the slots, the light, and all objects of a suite."""
+"""The MuJoCo model of the world: NICO, the table, the light, and all objects of a suite."""
 
 from xml.etree.ElementTree import SubElement, fromstring, tostring
 
 import mujoco
+import numpy as np
 
 from .mjcf import text
 from .objects import CUBE_HALF_WIDTH, TabletopObject, add_object
+from .placement import Pose
 from .robot import add_robot
 
 TABLE_HEIGHT = 0.4891
 """Height of the table's surface, metres."""
-SLOT_XY: tuple[tuple[float, float], ...] = ((0.317, 0.1539), (0.3468, 0.0024), (0.3232, -0.1549))
-"""Middle of the left, middle and right slot, metres, x forward and y to the robot's left."""
 SPECTATOR = "spectator"
 """Camera that looks at robot and table from outside, for videos."""
 
@@ -91,12 +91,13 @@ def build_model(objects: tuple[TabletopObject, ...]) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(tostring(root, encoding="unicode"))
 
 
-def slot_position(slot: int) -> tuple[float, float, float]:
-    """Where an object's body frame starts on slot 0 (left), 1 (middle) or 2 (right), metres."""
-    return (*SLOT_XY[slot], TABLE_HEIGHT + CUBE_HALF_WIDTH)
+def resting_place(pose: Pose) -> tuple[float, ...]:
+    """Position (x, y, z), metres, and quaternion (w, x, y, z) of the body of an object at `pose`."""
+    half = np.deg2rad(pose.yaw) / 2
+    return pose.x, pose.y, TABLE_HEIGHT + CUBE_HALF_WIDTH, float(np.cos(half)), 0.0, 0.0, float(np.sin(half))
 
 
-def parking_position(index: int) -> tuple[float, float, float]:
-    """Where the `index`-th object of a suite waits while it is not part of the scene, metres."""
+def parking_place(index: int) -> tuple[float, ...]:
+    """Position and quaternion, as above, of a suite's `index`-th object while it is not part of the scene."""
     row, place = divmod(index, 20)
-    return (_PARKING[0] - 0.3 * row, 0.3 * place, _PARKING[1])
+    return _PARKING[0] - 0.3 * row, 0.3 * place, _PARKING[1], 1.0, 0.0, 0.0, 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The running world: NICO's servos, three objects of a suite on the slots, and what the cameras see."""
+"""The running world: NICO's servos, three objects of a suite on the table, and what the cameras see."""
 
 from collections.abc import Sequence
 
@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .objects import TabletopObject, visible_surface
+from .placement import SLOT_POSES, Pose
 from .robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
-from .scene import build_model, parking_position, slot_position
+from .scene import build_model, parking_place, resting_place
 from .tasks import SLOTS
 
 CONTROL_HZ = 10
@@ -44,23 +45,29 @@ class TabletopSimulation:
         self._target = _within_limits(INITIAL_POSE_DEG)
         self._renderers: dict[tuple[int, int], mujoco.Renderer] = {}
 
-    def reset(self, arrangement: Sequence[str]) -> None:
-        """Put the named objects on the left, middle and right slot and the arms into the initial pose.
+    def reset(self, arrangement: Sequence[str], poses: Sequence[Pose] = SLOT_POSES) -> None:
+        """Put the named objects into their poses and the arms into the initial pose.
+
+        Args:
+            arrangement: Names of the left, middle and right object.
+            poses: Where they stand.
 
         Raises:
-            ValueError: If there are not three distinct known names.
+            ValueError: If there are not three distinct known names and three poses.
         """
         if len(set(arrangement)) != len(SLOTS) or not set(arrangement) <= set(self.objects):
             known = ", ".join(self.objects)
             raise ValueError(
                 f"an arrangement is three different objects out of {known}; got {list(arrangement)}"
             )
+        if len(poses) != len(SLOTS):
+            raise ValueError(f"each of the three objects needs a pose; got {len(poses)} poses")
         self.arrangement = tuple(arrangement)
         mujoco.mj_resetData(self.model, self.data)
         for index, name in enumerate(self.objects):
             present = name in arrangement
-            place = slot_position(self.arrangement.index(name)) if present else parking_position(index)
-            self.data.joint(name).qpos[:] = [*place, 1, 0, 0, 0]
+            place = resting_place(poses[self.arrangement.index(name)]) if present else parking_place(index)
+            self.data.joint(name).qpos[:] = place
             self.model.body_gravcomp[self.model.body(name).id] = 0.0 if present else 1.0
         self._target = _within_limits(INITIAL_POSE_DEG)
         self.data.qpos[self._joints] = self._target
@@ -95,7 +102,7 @@ class TabletopSimulation:
         return np.rad2deg(self.data.qpos[self._joints])
 
     def object_positions(self) -> NDArray[np.float64]:
-        """Middles of the objects on the left, middle and right slot, shape (3, 3), metres."""
+        """Middles of the left, middle and right object, shape (3, 3), metres."""
         return np.array([self.data.body(name).xpos for name in self.arrangement])
 
     def _renderer(self, height: int, width: int) -> mujoco.Renderer:
