@@ -15,10 +15,10 @@ from rich.table import Table
 from tqdm import tqdm
 
 from clant_claeo.expert import plan
-from nico_tabletop.env import EPISODE_STEPS
 from nico_tabletop.objects import SUITES
 from nico_tabletop.placement import SLOT_POSES, OutOfReachError, Poses, draw_poses
-from nico_tabletop.scoring import Outcome, judge
+from nico_tabletop.replay import replay
+from nico_tabletop.scoring import Outcome
 from nico_tabletop.simulation import TabletopSimulation
 from nico_tabletop.tasks import ACTIONS, Action, arrangements
 
@@ -32,10 +32,7 @@ def attempt(simulation: TabletopSimulation, action: Action, names: tuple[str, ..
     except OutOfReachError:
         return OUT_OF_REACH
     simulation.reset(names, poses)
-    start = simulation.object_positions()
-    for step in range(EPISODE_STEPS):
-        simulation.step(joints[min(step + 1, len(joints) - 1)])
-    return judge(action, start, simulation.object_positions())
+    return replay(simulation, action, joints)
 
 
 def main() -> None:
