@@ -61,7 +61,7 @@ def _split(folder: Path) -> tuple[dict[str, float], int]:
     _timed(spent, builder, "_join_takes", "joining")
     main, all_threads = time.thread_time(), time.process_time()
     builder.build_dataset(
-        demonstrations, SUITES["clant"], "local/split", folder / "split", options={}, **options
+        demonstrations, SUITES["clant"], "local/split", folder / "split", recipe={}, **options
     )
     main, all_threads = time.thread_time() - main, time.process_time() - all_threads
     # All threads but this one encode, and compute the statistics of the pictures.

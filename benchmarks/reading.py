@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How fast training reads a data set: python benchmarks/reading.py FOLDER… [-- OPTIONS OF lerobot-train].
+
+For each LeRobotDataset: its size, the processor time that loading one item for owlxt5 takes, and, from
+`lerobot-train` at the paper's sizes (batch 64, two workers, a T5-small with random weights, no detector), the
+seconds of a step that go into waiting for data and into the update.
+"""
+
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
+from lerobot.datasets.factory import resolve_delta_timestamps
+from rich.console import Console
+from rich.table import Table
+
+from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
+
+ITEMS = 100
+STEPS = 8
+_T5_SMALL = (
+    "--d_model=512",
+    "--d_kv=64",
+    "--d_ff=2048",
+    "--num_layers=6",
+    "--num_heads=8",
+    "--vocab_size=32128",
+)
+
+
+def _milliseconds_per_item(root: Path) -> float:
+    """Processor time of one item, as the data loader's workers spend it."""
+    meta = LeRobotDatasetMetadata("local/reading", root=root)
+    windows = resolve_delta_timestamps(OWLxT5Config(device="cpu"), meta)
+    dataset = LeRobotDataset("local/reading", root=root, delta_timestamps=windows, return_uint8=True)
+    dataset[0]
+    began = time.process_time()
+    for index in range(ITEMS):
+        dataset[index * 997 % len(dataset)]
+    return 1000 * (time.process_time() - began) / ITEMS
+
+
+def _seconds_per_step(root: Path, t5: Path, folder: Path, options: list[str]) -> tuple[float, float]:
+    """(waiting for data, update), mean over the later half of a short run."""
+    command = [
+        *("lerobot-train", "--policy.type=owlxt5", "--policy.device=cpu", "--policy.push_to_hub=false"),
+        *(f"--policy.language_model={t5}", "--policy.detector=ground_truth"),
+        *("--dataset.repo_id=local/reading", f"--dataset.root={root}", f"--output_dir={folder}"),
+        *("--batch_size=64", "--num_workers=2", f"--steps={STEPS}", f"--log_freq={STEPS // 2}"),
+        *("--save_checkpoint=false", "--env_eval_freq=0", *options),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    found = re.findall(r"updt_s:([\d.]+).*?data_s:([\d.]+)", done.stdout + done.stderr)
+    if done.returncode or len(found) < 2:
+        raise RuntimeError((done.stdout + done.stderr)[-2000:])
+    update, data = map(float, found[-1])
+    return data, update
+
+
+def main() -> None:
+    """Measure and print."""
+    arguments = sys.argv[1:]
+    cut = arguments.index("--") if "--" in arguments else len(arguments)
+    table = Table(title="Reading for owlxt5: batch 64, two workers")
+    for heading in ("data set", "kB a frame", "ms an item", "data s a step", "update s a step", "data %"):
+        table.add_column(heading, justify="left" if heading == "data set" else "right")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        t5 = folder / "t5"
+        subprocess.run(
+            [sys.executable, "-m", "lerobot_owlxt5.backbones", f"--output_dir={t5}", *_T5_SMALL],
+            check=True,
+            stdout=subprocess.DEVNULL,
+        )
+        for number, root in enumerate(map(Path, arguments[:cut])):
+            frames = LeRobotDatasetMetadata("local/reading", root=root).total_frames
+            size = sum(path.stat().st_size for path in root.rglob("*") if path.is_file())
+            item = _milliseconds_per_item(root)
+            data, update = _seconds_per_step(root, t5, folder / str(number), arguments[cut + 1 :])
+            share = 100 * data / (data + update)
+            numbers = (
+                f"{size / frames / 1000:.1f}",
+                f"{item:.1f}",
+                f"{data:.2f}",
+                f"{update:.2f}",
+                f"{share:.0f}",
+            )
+            table.add_row(root.name, *numbers)
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()
