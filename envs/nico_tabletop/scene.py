@@ -26,7 +26,7 @@ _BASE = """
   <visual>
     <global offwidth="1920" offheight="1920"/>
     <headlight ambient="0.4 0.4 0.4" diffuse="0.35 0.35 0.35" specular="0.1 0.1 0.1"/>
-    <quality shadowsize="1024" offsamples="0"/>
+    <quality shadowsize="512" offsamples="0" numslices="16" numstacks="8"/>
   </visual>
   <default>
     <default class="robot">
