@@ -21,6 +21,7 @@ from clant_claeo.cli import DatasetConfig, _demonstrations, _shard
 from clant_claeo.demonstrations import Demonstration
 from commands import ENVIRONMENT, run
 from nico_tabletop.objects import SUITES
+from nico_tabletop.placement import SLOT_POSES
 from nico_tabletop.robot import INITIAL_POSE_DEG
 from nico_tabletop.scoring import Outcome
 from nico_tabletop.tasks import find_action
@@ -48,7 +49,8 @@ def demonstrations(count: int = 5) -> list[Demonstration]:
         action = find_action(("PUSH-L", "PULL-M", "SLIDE-R-L")[index % 3])
         words = (f"{action.verb} ball", f"{action.verbs[1]} ball", f"{action.verb} sphere", "roll")
         split: takes.Split = "test" if index in (0, 3) else "train"
-        made.append(Demonstration(action, ("mug", "ball", "can"), joints, words, ("Yes.", "Ja."), split))
+        names, sentences = ("mug", "ball", "can"), ("Yes.", "Ja.")
+        made.append(Demonstration(action, names, SLOT_POSES, joints, words, sentences, split))
     return made
 
 

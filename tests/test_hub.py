@@ -172,7 +172,7 @@ def test_a_private_data_set_is_not_pushed_where_all_can_read(
 def test_the_card_tells_a_person_what_it_is(root: Path):
     card = DatasetCard.load(root / "README.md")
     assert card.data.license == "apache-2.0"
-    for text in ("Simulated", "12 episodes", "train | 0 to 8", "test | 9 to 11", "no seed"):
+    for text in ("Simulated", "12 episodes", "train | 0 to 8", "test | 9 to 11", "seed, 0 unless"):
         assert text in card.text
     assert "owlxt5-dataset --suite=claeo --arrangements=1 --height=48 --width=64\n" in card.text
     assert str(root.parent) not in card.text
