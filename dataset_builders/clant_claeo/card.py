@@ -129,9 +129,9 @@ def _type(feature: dict[str, Any]) -> str:
 
 
 def _splits(meta: LeRobotDatasetMetadata) -> list[tuple[str, int, int]]:
-    """Name, first and last episode of each split that has any."""
+    """Name, first and last episode of each split."""
     bounds = [(name, *map(int, part.split(":"))) for name, part in (meta.info.splits or {}).items()]
-    return [(name, start, end - 1) for name, start, end in bounds if end > start]
+    return [(name, start, end - 1) for name, start, end in bounds]
 
 
 def _preview(dataset: LeRobotDataset, episodes: list[int]) -> Image.Image:

@@ -75,8 +75,8 @@ def _command(config: DatasetConfig) -> str:
             continue
         if field.name == "source":
             value = "path/to/CLANT"
-        elif os.sep in (text := str(value)) and field.name != "shard":
-            value = f"path/to/{Path(text).name}"
+        elif field.name == "objects" and os.sep in value:
+            value = f"path/to/{Path(value).name}"
         words.append(f"--{field.name}={str(value).lower() if isinstance(value, bool) else value}")
     return shlex.join(words)
 

@@ -18,7 +18,7 @@ from lerobot.datasets import LeRobotDataset
 from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
 from numpy.typing import NDArray
 
-from nico_tabletop.env import describe_objects
+from nico_tabletop.env import DESCRIPTION_SIZE, describe_objects
 from nico_tabletop.objects import TabletopObject
 from nico_tabletop.placement import OutOfReachError
 from nico_tabletop.replay import replay
@@ -99,7 +99,7 @@ def remove_unfinished(folder: Path) -> None:
         shutil.rmtree(path)
 
 
-def _features(height: int, width: int, video: bool, objects: int) -> dict[str, dict[str, Any]]:
+def _features(height: int, width: int, video: bool) -> dict[str, dict[str, Any]]:
     joints = {
         "dtype": "float32",
         "shape": (len(JOINT_NAMES),),
@@ -113,7 +113,7 @@ def _features(height: int, width: int, video: bool, objects: int) -> dict[str, d
         },
         OBS_STATE: joints,
         ACTION: joints,
-        OBJECTS: {"dtype": "float32", "shape": (objects,), "names": None},
+        OBJECTS: {"dtype": "float32", "shape": (DESCRIPTION_SIZE,), "names": None},
     }
 
 
@@ -142,11 +142,10 @@ def _record(studio: Studio, demonstration: Demonstration, folder: Path) -> Take:
         joints = demonstration.joints
     except OutOfReachError:
         return Take(None, 0, demonstration.split, Outcome.FAILURE, [])
-    objects = describe_objects(np.zeros((len(SLOTS), 4)), ("",) * len(SLOTS)).size
     dataset = LeRobotDataset.create(
         "local/take",
         fps=CONTROL_HZ,
-        features=_features(height, width, studio.video, objects),
+        features=_features(height, width, studio.video),
         root=folder,
         robot_type="nico",
         use_videos=studio.video,

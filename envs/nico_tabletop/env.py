@@ -20,6 +20,10 @@ EPISODE_STEPS = 90
 """CLANT's longest action, 85 frames, and half a second for the objects to come to rest."""
 
 
+DESCRIPTION_SIZE = len(SLOTS) * (4 + NAME_BYTES)
+"""Length of what `describe_objects` returns."""
+
+
 def describe_objects(boxes: NDArray[np.float64], names: tuple[str, ...]) -> NDArray[np.float32]:
     """The simulator's ground truth about the objects as one vector.
 
@@ -93,7 +97,7 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
             {
                 "pixels": spaces.Dict({EYES: spaces.Box(0, 255, (height, width, 3), dtype=np.uint8)}),
                 "agent_pos": spaces.Box(-360.0, 360.0, (len(INITIAL_POSE_DEG),), dtype=np.float32),
-                "objects": spaces.Box(-1.0, 255.0, (len(SLOTS) * (4 + NAME_BYTES),), dtype=np.float32),
+                "objects": spaces.Box(-1.0, 255.0, (DESCRIPTION_SIZE,), dtype=np.float32),
             }
         )
 

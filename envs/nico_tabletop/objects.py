@@ -194,13 +194,6 @@ def _outline(value: Value) -> tuple[Vector, ...]:
     return tuple(points)
 
 
-def _lengths(value: Value) -> Vector:
-    lengths = value.numbers(3)
-    for length in value.items("number"):
-        length.length()
-    return lengths
-
-
 def _sphere(value: Value, _: Path) -> Ellipsoid:
     return Ellipsoid((value.mapping(("radius",))["radius"].length(),) * 3)
 
@@ -232,9 +225,9 @@ def _mesh(value: Value, folder: Path) -> Mesh:
 _SHAPES: dict[str, Callable[[Value, Path], Shape]] = {
     "lathe": _lathe,
     "tube": _tube,
-    "box": lambda value, _: Box(_lengths(value.mapping(("size",))["size"])),
+    "box": lambda value, _: Box(value.mapping(("size",))["size"].lengths(3)),
     "sphere": _sphere,
-    "ellipsoid": lambda value, _: Ellipsoid(_lengths(value.mapping(("radii",))["radii"])),
+    "ellipsoid": lambda value, _: Ellipsoid(value.mapping(("radii",))["radii"].lengths(3)),
     "cylinder": _cylinder,
     "capsule": _capsule,
     "mesh": _mesh,

@@ -8,6 +8,7 @@ from math import isfinite
 from typing import Any
 
 _HUGE = 1e6  # beyond it MuJoCo's single precision ends
+_SHORTEST = 1e-4  # metres
 _WORDS = re.compile(r"[^\W_]+(?:[ '-][^\W_]+)*")
 
 
@@ -61,7 +62,11 @@ class Value:
 
     def length(self) -> float:
         """A length in metres, from a tenth of a millimetre up."""
-        return self.number(least=1e-4)
+        return self.number(least=_SHORTEST)
+
+    def lengths(self, count: int) -> tuple[float, ...]:
+        """So many lengths, as above."""
+        return self.numbers(count, least=_SHORTEST)
 
     def numbers(self, *counts: int, least: float = -_HUGE, most: float = _HUGE) -> tuple[float, ...]:
         """As many numbers as one of `counts`."""
