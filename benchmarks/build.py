@@ -6,7 +6,6 @@ in this process to say what the time of one core goes into. On a machine that do
 processor time (user and system, of all processes), not the wall time.
 """
 
-import os
 import resource
 import shutil
 import subprocess
@@ -87,9 +86,6 @@ def main() -> None:
     arrangements = int(sys.argv[1]) if len(sys.argv) > 1 else 4
     console = Console()
     quiet()
-    os.environ["LP_NUM_THREADS"] = (
-        "0"  # Mesa draws in the calling thread, so that the split can tell it apart
-    )
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         speeds = Table(title=f"{12 * arrangements} episodes at {HEIGHT} x {WIDTH}, with start-up and joining")

@@ -10,6 +10,7 @@ from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
 from .modes import MODES
 
 EYES = f"{OBS_IMAGES}.eyes"
+GROUND_TRUTH = "ground_truth"
 
 
 def _default_normalization() -> dict[str, NormalizationMode]:
@@ -38,7 +39,8 @@ class OWLxT5Config(PreTrainedConfig):
         train_language_model: Train T5 along and store its weights in the checkpoint. By default it stays
             frozen and a checkpoint only names it.
         detector: OWLv2: Hub id or folder. Or `ground_truth`: the simulator's own boxes, which the dataset and
-            the environment give as `observation.objects`; an upper bound, never to be reported as OWLv2.
+            the environment give as `observation.objects`; an upper bound, never to be reported as OWLv2. It
+            needs no camera.
         detector_revision: Hub revision of the detector; None is its main branch.
         score_threshold: A detection below this score (0 to 1) counts as not seen.
         camera: Image feature that the detector looks at. None: `observation.images.eyes`, or the only camera.
@@ -135,14 +137,14 @@ class OWLxT5Config(PreTrainedConfig):
                 "the same joints."
             )
         camera = self._choose_camera()
-        self.input_features = {key: inputs[key] for key in (camera, OBS_STATE)}
+        self.input_features = {key: inputs[key] for key in (camera, OBS_STATE) if key is not None}
 
     @property
     def camera_key(self) -> str:
-        """The one camera that is left after `validate_features`."""
+        """The one camera that is left after `validate_features`; only `ground_truth` does without."""
         return next(iter(self.image_features))
 
-    def _choose_camera(self) -> str:
+    def _choose_camera(self) -> str | None:
         cameras = [key for key, ft in self.image_features.items() if ft.type is FeatureType.VISUAL]
         if self.camera is not None:
             if self.camera not in cameras:
@@ -152,6 +154,8 @@ class OWLxT5Config(PreTrainedConfig):
             return self.camera
         if EYES in cameras:
             return EYES
+        if not cameras and self.detector == GROUND_TRUTH:
+            return None
         if len(cameras) != 1:
             raise ValueError(
                 f"owlxt5 looks through one camera, and the dataset has {cameras or 'none'}. "

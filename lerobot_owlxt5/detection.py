@@ -9,11 +9,10 @@ from torch import Tensor
 from transformers import Owlv2ForObjectDetection, Owlv2Processor
 
 from .commands import object_name, plain
-from .configuration_owlxt5 import OWLxT5Config
+from .configuration_owlxt5 import GROUND_TRUTH, OWLxT5Config
 from .episodes import at_step
 from .pretrained import load_pretrained
 
-GROUND_TRUTH = "ground_truth"
 OBS_OBJECTS = "observation.objects"
 # Per object: a box of 4 numbers and its name as 24 bytes.
 OBJECT_NUMBERS, BOX_NUMBERS = 28, 4

@@ -8,6 +8,7 @@ import pytest
 import torch
 from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.datasets import LeRobotDataset
+from lerobot.datasets.dataset_tools import remove_feature
 from lerobot.policies.factory import make_policy as lerobot_make_policy
 from lerobot.policies.factory import make_pre_post_processors
 from safetensors.torch import load_file
@@ -49,6 +50,17 @@ def test_only_camera_and_state_are_inputs(dataset: LeRobotDataset, t5: Path) -> 
     for key in ("observation.state", "action"):
         assert torch.isfinite(batch[key]).all()
         assert batch[key].abs().max() <= 1 + 1e-5
+
+
+def test_ground_truth_needs_no_camera(tmp_path: Path, dataset: LeRobotDataset, t5: Path) -> None:
+    blind = remove_feature(dataset, EYES, output_dir=tmp_path / "blind", repo_id="test/blind")
+    policy, preprocessor, _ = make(blind, t5)
+    assert set(policy.config.input_features) == {"observation.state"}
+    sighted, *_ = make(dataset, t5)
+    batch = load_batch(dataset.root, FRAMES, preprocessor)
+    expected = sighted.eval()(batch)[0]
+    del batch[EYES]
+    assert policy.eval()(batch)[0] == expected
 
 
 def test_processors_scale_there_and_back(dataset: LeRobotDataset, t5: Path) -> None:
@@ -248,7 +260,7 @@ def test_an_episode_that_is_too_long_is_refused(dataset: LeRobotDataset, t5: Pat
     ],
 )
 def test_features_that_do_not_fit_are_refused(t5: Path, change: dict[str, Any], message: str) -> None:
-    config = make_config(t5)
+    config = make_config(t5, detector="google/owlv2-base-patch16")
     for key, shape in change.items():
         config.input_features.pop(key, None)
         if shape:

@@ -5,6 +5,7 @@ A take appears under its name only when it is complete, so a build that was kill
 """
 
 import json
+import os
 import shutil
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
@@ -14,6 +15,7 @@ from typing import Any
 
 import av
 import numpy as np
+from lerobot.configs.video import RGBEncoderConfig
 from lerobot.datasets import LeRobotDataset
 from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
 from numpy.typing import NDArray
@@ -32,6 +34,10 @@ from .release import Split
 
 OBJECTS = "observation.objects"
 """Ground truth about the objects, see `nico_tabletop.env.describe_objects`."""
+
+_ENCODER = RGBEncoderConfig(vcodec="h264", preset="veryfast", crf=23, g=2, extra_options={"bf": 0})
+"""As small and as good as LeRobot's own choice, AV1, at a fifth of the time; every browser shows it. Without B-frames,
+since LeRobot joins videos without encoding them anew (docs/datasets.md has the figures)."""
 
 _FACTS = "take.json"
 _PARTIAL = ".partial"
@@ -120,6 +126,8 @@ def _features(height: int, width: int, video: bool) -> dict[str, dict[str, Any]]
 @lru_cache(maxsize=1)
 def _simulation(objects: tuple[TabletopObject, ...]) -> TabletopSimulation:
     """One world, and one GL context, per process."""
+    # Mesa's software renderer would otherwise start a thread for each core in each worker.
+    os.environ.setdefault("LP_NUM_THREADS", "0")
     return TabletopSimulation(objects)
 
 
@@ -151,6 +159,7 @@ def _record(studio: Studio, demonstration: Demonstration, folder: Path) -> Take:
         use_videos=studio.video,
         # Only for reading; asked for its own choice, LeRobot would look for FFmpeg's libraries at each take.
         video_backend="pyav",
+        rgb_encoder=_ENCODER,
         streaming_encoding=studio.video,
         encoder_threads=1,  # other takes use the other cores
         encoder_queue_maxsize=len(joints),  # LeRobot drops frames that do not fit

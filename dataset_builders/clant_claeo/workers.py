@@ -17,8 +17,7 @@ import datasets
 
 
 def quiet() -> None:
-    """Our progress bar is enough: encoder, muxer and data set library each report every episode."""
-    os.environ.setdefault("SVT_LOG", "1")
+    """Our progress bar is enough: muxer and data set library each report every episode."""
     av.logging.set_libav_level(av.logging.ERROR)  # LeRobot takes Python's logging of it off again
     datasets.disable_progress_bars()
 
@@ -62,9 +61,6 @@ def _call[Item, Result](function: Callable[[Item], Result], item: Item) -> Resul
 
 def _begin() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the parent alone decides
-    os.environ.setdefault(
-        "LP_NUM_THREADS", "0"
-    )  # Mesa would draw with as many threads as cores in each worker
     threading.Thread(target=_end_with_parent, daemon=True).start()
     quiet()
 
