@@ -36,8 +36,8 @@ OBJECTS = "observation.objects"
 """Ground truth about the objects, see `nico_tabletop.env.describe_objects`."""
 
 _ENCODER = RGBEncoderConfig(vcodec="h264", preset="veryfast", crf=23, g=2, extra_options={"bf": 0})
-"""As small and as good as LeRobot's own choice, AV1, at a fifth of the time; every browser shows it. Without B-frames,
-since LeRobot joins videos without encoding them anew (docs/datasets.md has the figures)."""
+"""As small and as good as LeRobot's own choice, AV1, in a fifth of the time; every browser shows it. Without
+B-frames, since LeRobot joins videos without encoding them anew (docs/datasets.md has the figures)."""
 
 _FACTS = "take.json"
 _PARTIAL = ".partial"
