@@ -24,14 +24,14 @@ class ActionEncoder(nn.Module):
         """Encode.
 
         Args:
-            visual: (batch, dim_visual), the same at each step.
+            visual: (batch, steps, dim_visual), or one step of what stays the same.
             joints: (batch, steps, n_joints), scaled to [-1, 1].
 
         Returns:
             (batch, steps, 2 * dim_lstm).
         """
-        repeated = visual[:, None].expand(-1, joints.shape[1], -1)
-        return self.lstm(torch.cat([repeated, joints], dim=-1))[0]
+        visual = visual.expand(-1, joints.shape[1], -1)
+        return self.lstm(torch.cat([visual, joints], dim=-1))[0]
 
 
 class ActionDecoder(nn.Module):

@@ -1,186 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration of the policy OWLxT5."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from lerobot.configs import FeatureType, NormalizationMode, PolicyFeature, PreTrainedConfig
-from lerobot.optim import AdamConfig
-from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
+from lerobot.configs import PreTrainedConfig
 
-from .modes import MODES
+from .configuration_crossmodal import CrossmodalConfig
 
-EYES = f"{OBS_IMAGES}.eyes"
 GROUND_TRUTH = "ground_truth"
-
-
-def _default_normalization() -> dict[str, NormalizationMode]:
-    return {
-        "VISUAL": NormalizationMode.IDENTITY,
-        "STATE": NormalizationMode.MIN_MAX,
-        "ACTION": NormalizationMode.MIN_MAX,
-    }
-
-
-def _default_mode_probabilities() -> dict[str, float]:
-    return {"execute": 0.3, "describe": 0.3, "repeat_action": 0.3, "translate": 0.1}
 
 
 @PreTrainedConfig.register_subclass("owlxt5")
 @dataclass
-class OWLxT5Config(PreTrainedConfig):
-    """Configuration of OWLxT5: a detector, a split T5, a crossmodal Transformer and an LSTM action path.
-
-    The defaults are the paper's sizes. The policy plans a whole episode from its first frame, so the
-    dataset's episodes must not be longer than `max_episode_steps`.
+class OWLxT5Config(CrossmodalConfig):
+    """Configuration of OWLxT5, whose eyes are an open-vocabulary detector.
 
     Args:
-        language_model: T5 to split: Hub id or folder (weights as safetensors).
-        language_model_revision: Hub revision of the language model; None is its main branch.
-        train_language_model: Train T5 along and store its weights in the checkpoint. By default it stays
-            frozen and a checkpoint only names it.
         detector: OWLv2: Hub id or folder. Or `ground_truth`: the simulator's own boxes, which the dataset and
             the environment give as `observation.objects`; an upper bound, never to be reported as OWLv2. It
             needs no camera.
         detector_revision: Hub revision of the detector; None is its main branch.
         score_threshold: A detection below this score (0 to 1) counts as not seen.
-        camera: Image feature that the detector looks at. None: `observation.images.eyes`, or the only camera.
-        max_episode_steps: Longest episode L in steps, in training and as a plan.
-        dim_model: Width of the crossmodal Transformer.
-        n_heads: Attention heads of the crossmodal Transformer.
-        dim_feedforward: Width of its feed-forward layer.
-        dropout: Dropout of its layer.
-        dim_lstm: Units of the action LSTMs, per direction.
-        n_lstm_layers: Layers of the action encoder and of the action decoder.
-        mode_probabilities: How often each mode is drawn in training. A mode that the dataset has no text for
-            (translate) gives its share to the others.
-        joint_loss_weight: Weight of the action path's loss beside the language loss; 1 in the paper.
-        max_text_tokens: Longest text that `describe` and `translate` generate, in tokens.
-        tasks: Task texts of the training data; filled in when training starts. They name the objects that
-            `describe` looks for, and the tasks that the policy knows beside its own verbs.
-        optimizer_lr: Learning rate of Adam.
     """
 
-    normalization_mapping: dict[str, NormalizationMode] = field(default_factory=_default_normalization)
-
-    # Backbones.
-    language_model: str = "google-t5/t5-small"
-    language_model_revision: str | None = None
-    train_language_model: bool = False
     detector: str = "google/owlv2-base-patch16"
     detector_revision: str | None = None
     score_threshold: float = 0.1
-    camera: str | None = None
-
-    # Architecture.
-    max_episode_steps: int = 85
-    dim_model: int = 512
-    n_heads: int = 4
-    dim_feedforward: int = 1024
-    dropout: float = 0.25
-    dim_lstm: int = 256
-    n_lstm_layers: int = 2
-
-    # Training and generation.
-    mode_probabilities: dict[str, float] = field(default_factory=_default_mode_probabilities)
-    joint_loss_weight: float = 1.0
-    max_text_tokens: int = 128
-    tasks: list[str] | None = None
-    optimizer_lr: float = 1e-5
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        unknown = set(self.mode_probabilities) - set(MODES)
-        if unknown:
-            raise ValueError(
-                f"--policy.mode_probabilities names unknown modes {sorted(unknown)}; the modes are {MODES}."
-            )
-        shares = self.mode_probabilities.values()
-        if any(share < 0 for share in shares) or not any(
-            share > 0 for mode, share in self.mode_probabilities.items() if mode != "translate"
-        ):
-            raise ValueError(
-                "--policy.mode_probabilities must not be negative, and at least one of execute, describe and "
-                "repeat_action must be above 0 (not every dataset can be translated); it is "
-                f"{self.mode_probabilities}."
-            )
-        if self.joint_loss_weight <= 0:
-            raise ValueError(f"--policy.joint_loss_weight must be above 0, not {self.joint_loss_weight}.")
-        if self.max_episode_steps < 1:
-            raise ValueError(f"--policy.max_episode_steps must be at least 1, not {self.max_episode_steps}.")
-        if self.dim_model % self.n_heads or self.dim_model % 2:
-            raise ValueError(
-                f"--policy.dim_model={self.dim_model} must be even, and a multiple of --policy.n_heads="
-                f"{self.n_heads}."
-            )
-
-    def validate_features(self) -> None:
-        """Check the dataset's features and keep the two that the policy may see: one camera and the state.
-
-        Dropping the others here keeps them out of the normaliser as well, so that privileged features such as
-        `observation.objects` reach the ground truth detector as they are.
-
-        Raises:
-            ValueError: If the camera, the state or the action is missing, or state and action differ in size.
-        """
-        inputs: dict[str, PolicyFeature] = self.input_features or {}  # type: ignore[has-type]
-        state, action = self.robot_state_feature, self.action_feature
-        if state is None or action is None:
-            missing = OBS_STATE if state is None else ACTION
-            raise ValueError(
-                f"owlxt5 needs the feature '{missing}', which the dataset lacks. It has the inputs "
-                f"{sorted(inputs)} and the outputs {sorted(self.output_features or {})}."
-            )
-        if state.shape != action.shape:
-            raise ValueError(
-                f"owlxt5 commands joint positions, so '{OBS_STATE}' {state.shape} and '{ACTION}' "
-                f"{action.shape} must be of one size. Choose a dataset whose action is the next position of "
-                "the same joints."
-            )
-        camera = self._choose_camera()
-        self.input_features = {key: inputs[key] for key in (camera, OBS_STATE) if key is not None}
 
     @property
-    def camera_key(self) -> str:
-        """The one camera that is left after `validate_features`; only `ground_truth` does without."""
-        return next(iter(self.image_features))
-
-    def _choose_camera(self) -> str | None:
-        cameras = [key for key, ft in self.image_features.items() if ft.type is FeatureType.VISUAL]
-        if self.camera is not None:
-            if self.camera not in cameras:
-                raise ValueError(
-                    f"--policy.camera={self.camera} is not among the dataset's cameras: {cameras}."
-                )
-            return self.camera
-        if EYES in cameras:
-            return EYES
-        if not cameras and self.detector == GROUND_TRUTH:
-            return None
-        if len(cameras) != 1:
-            raise ValueError(
-                f"owlxt5 looks through one camera, and the dataset has {cameras or 'none'}. "
-                + ("Name one with --policy.camera." if cameras else "Choose a dataset with an image feature.")
-            )
-        return cameras[0]
-
-    def get_optimizer_preset(self) -> AdamConfig:
-        """Adam, as in the paper (section 3)."""
-        return AdamConfig(lr=self.optimizer_lr)
-
-    def get_scheduler_preset(self) -> None:
-        """The learning rate stays constant."""
-
-    @property
-    def observation_delta_indices(self) -> list[int]:
-        """Always the episode's first frame: LeRobot clamps an index that leaves the episode."""
-        return [1 - self.max_episode_steps]
-
-    @property
-    def action_delta_indices(self) -> list[int]:
-        """A window that covers all actions of the episode, whatever frame was drawn."""
-        return list(range(1 - self.max_episode_steps, self.max_episode_steps))
-
-    @property
-    def reward_delta_indices(self) -> None:
-        """No rewards."""
-        return None
+    def can_be_blind(self) -> bool:
+        """Whether a dataset without any camera will do."""
+        return self.detector == GROUND_TRUTH

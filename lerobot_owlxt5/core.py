@@ -63,12 +63,12 @@ class CrossmodalCore(nn.Module):
         Args:
             language: l_enc, (batch, tokens, dim_language).
             language_mask: (batch, tokens) bool, False on padding.
-            visual: (batch, dim_visual).
+            visual: (batch, steps, dim_visual), or one step of what stays the same.
             joints: (batch, L, n_joints), scaled to [-1, 1]; the first step is the pose to begin with.
             steps: Number of action steps to generate.
         """
         h = self.crossmodal(language, self.encoder(visual, joints))
         weight = language_mask.to(h).unsqueeze(-1)
         mean = (h * weight).sum(dim=1) / weight.sum(dim=1)
-        actions, stop_logits = self.decoder(mean, visual, joints[:, 0], steps)
+        actions, stop_logits = self.decoder(mean, visual[:, 0], joints[:, 0], steps)
         return CoreOutput(self.fc(h), actions, stop_logits)

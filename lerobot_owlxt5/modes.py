@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The four modes (paper, section 3): which prompt asks for a mode, and how modes are drawn in training."""
+"""The modes (paper, section 3): which prompt asks for a mode, and how modes are drawn in training."""
 
 import torch
 from torch import Tensor
 
 from .commands import spoken
 
-MODES = ("execute", "describe", "repeat_action", "translate")
-EXECUTE, DESCRIBE, REPEAT_ACTION, TRANSLATE = range(len(MODES))
+# The last is CrossT5's alone: OWLxT5's paper dropped it, and its configuration never draws it.
+MODES = ("execute", "describe", "repeat_action", "translate", "repeat_language")
+EXECUTE, DESCRIBE, REPEAT_ACTION, TRANSLATE, REPEAT_LANGUAGE = range(len(MODES))
 
 # The fractional part of its multiples is spread evenly over [0, 1).
 GOLDEN_RATIO = 0.6180339887498949
@@ -18,14 +19,19 @@ def execute_prompt(command: str) -> str:
     return f"execute: {spoken(command)}"
 
 
-def describe_prompt(label: str) -> str:
-    """Ask what happened to the object with this label, which the detector saw move."""
-    return f"describe: {spoken(label)}"
+def describe_prompt(label: str = "") -> str:
+    """Ask what happened; to the object with this label, if a detector saw it move."""
+    return f"describe: {spoken(label)}".strip()
 
 
 def repeat_action_prompt() -> str:
     """Ask for the joint sequence that went in."""
     return "repeat action:"
+
+
+def repeat_language_prompt(command: str) -> str:
+    """Ask for the words that went in."""
+    return f"repeat language: {spoken(command)}"
 
 
 def translate_prompt(sentence: str) -> str:

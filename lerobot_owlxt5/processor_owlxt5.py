@@ -8,7 +8,7 @@ import torch
 from lerobot.processor import PolicyAction, PolicyProcessorPipeline, make_default_pre_post_processors
 from lerobot.utils.constants import ACTION, OBS_STATE
 
-from .configuration_owlxt5 import OWLxT5Config
+from .configuration_crossmodal import CrossmodalConfig
 
 # A joint that moves less than this share of the widest joint's range counts as constant.
 SMALLEST_RANGE = 1e-3
@@ -17,7 +17,7 @@ Stats = dict[str, dict[str, Any]]
 
 
 def make_owlxt5_pre_post_processors(
-    config: OWLxT5Config,
+    config: CrossmodalConfig,
     dataset_stats: dict[str, dict[str, torch.Tensor]] | None = None,
 ) -> tuple[
     PolicyProcessorPipeline[dict[str, Any], dict[str, Any]],

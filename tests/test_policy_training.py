@@ -122,7 +122,13 @@ def test_lessons(dataset: LeRobotDataset, t5: Path) -> None:
                     assert prompt == "repeat action:"
                 case "translate":
                     assert prompt == f"Translate English to German: The Commission met {episode} times."
-            assert text == (task if mode == "describe" else "")
+            match mode:
+                case "describe":
+                    assert text == task
+                case "repeat_language":
+                    assert prompt == f"repeat language: {text}" and f"execute: {text}" in accepted
+                case _:
+                    assert text == ""
 
 
 def test_only_a_language_model_that_learns_meets_made_up_names(dataset: LeRobotDataset, t5: Path) -> None:
@@ -210,7 +216,7 @@ def test_a_checkpoint_holds_what_was_trained(
             parameter += 0.01 * torch.randn_like(parameter)
     policy.save_pretrained(tmp_path)
     stored = {key.split(".")[0] for key in load_file(tmp_path / "model.safetensors")}
-    assert stored == {"core", "training_seed"} | ({"language_model"} if trained_along else set())
+    assert stored == {"core", "training_seed", "rest_pose"} | ({"language_model"} if trained_along else set())
     batch = observe(["push red", "pull ball"])
     for strict in (False, True):
         loaded = OWLxT5Policy.from_pretrained(tmp_path, strict=strict)
@@ -237,6 +243,15 @@ def test_training_goes_on_after_an_evaluation_in_inference_mode(dataset: LeRobot
             policy.select_action(observe([wording]))
     policy.train()
     policy.forward(batch)[0].backward()
+
+
+def test_a_loss_that_is_no_number_names_its_episode(dataset: LeRobotDataset, t5: Path) -> None:
+    policy, preprocessor, _ = make(dataset, t5, mode_probabilities={"execute": 1.0})
+    batch = load_batch(dataset.root, FRAMES, preprocessor)
+    batch["action"][2] = float("nan")
+    [episode] = {batch["episode_index"][2].item()}
+    with pytest.raises(FloatingPointError, match=rf"episodes \[{episode}\]"):
+        policy.train().forward(batch)
 
 
 # Errors -----------------------------------------------------------------------------------------------------
@@ -283,7 +298,7 @@ def test_the_camera_can_be_named(t5: Path) -> None:
     ("options", "message"),
     [
         ({"mode_probabilities": {"dance": 1.0}}, "dance"),
-        ({"mode_probabilities": {"translate": 1.0}}, "at least one of"),
+        ({"mode_probabilities": {"translate": 1.0}}, "at least one mode"),
         ({"mode_probabilities": {"execute": -1.0, "describe": 1.0}}, "negative"),
         ({"max_episode_steps": 0}, "--policy.max_episode_steps"),
         ({"dim_model": 15}, "--policy.dim_model"),
