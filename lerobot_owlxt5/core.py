@@ -9,18 +9,16 @@ from .action import ActionDecoder, ActionEncoder
 from .crossmodal import CrossmodalTransformer
 
 
-class CoreOutput(NamedTuple):
-    """What the core returns.
+class Thought(NamedTuple):
+    """What language and action have become together.
 
     Attributes:
         change: FC(h), (batch, tokens, dim_language): what is added to `l_enc` before the language decoder.
-        actions: (batch, steps, n_joints) in [-1, 1].
-        stop_logits: (batch, steps).
+        summary: Mean of h over the tokens, (batch, dim_model): what the action decoder begins with.
     """
 
     change: Tensor
-    actions: Tensor
-    stop_logits: Tensor
+    summary: Tensor
 
 
 class CrossmodalCore(nn.Module):
@@ -54,21 +52,17 @@ class CrossmodalCore(nn.Module):
         )
         self.fc = nn.Linear(dim_model, dim_language)
         self.decoder = ActionDecoder(dim_model, dim_visual, n_joints, dim_lstm, n_lstm_layers)
+        """Movement out of a `Thought`'s summary."""
 
-    def forward(
-        self, language: Tensor, language_mask: Tensor, visual: Tensor, joints: Tensor, steps: int
-    ) -> CoreOutput:
-        """Run the core.
+    def think(self, language: Tensor, language_mask: Tensor, visual: Tensor, joints: Tensor) -> Thought:
+        """Join language with what is seen and felt.
 
         Args:
             language: l_enc, (batch, tokens, dim_language).
             language_mask: (batch, tokens) bool, False on padding.
             visual: (batch, steps, dim_visual), or one step of what stays the same.
-            joints: (batch, L, n_joints), scaled to [-1, 1]; the first step is the pose to begin with.
-            steps: Number of action steps to generate.
+            joints: (batch, steps, n_joints), scaled to [-1, 1].
         """
         h = self.crossmodal(language, self.encoder(visual, joints))
         weight = language_mask.to(h).unsqueeze(-1)
-        mean = (h * weight).sum(dim=1) / weight.sum(dim=1)
-        actions, stop_logits = self.decoder(mean, visual[:, 0], joints[:, 0], steps)
-        return CoreOutput(self.fc(h), actions, stop_logits)
+        return Thought(self.fc(h), (h * weight).sum(dim=1) / weight.sum(dim=1))

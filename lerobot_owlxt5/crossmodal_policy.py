@@ -16,7 +16,7 @@ from .action import hold_after_stop
 from .annotations import EpisodeTexts, read_texts
 from .commands import object_name, parse_command, spoken, with_article
 from .configuration_crossmodal import CrossmodalConfig
-from .core import CoreOutput, CrossmodalCore
+from .core import CrossmodalCore, Thought
 from .episodes import at_step, check_episode_lengths, positions_before, recover_actions
 from .language import SplitT5
 
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 # The stop output is our addition; it shares the action decoder, and must not outshout the joints there.
 STOP_LOSS_WEIGHT = 0.1
+# In execute and translate the action encoder reads the first pose, repeated (paper, section 3): for a second.
+# More steps of the same say nothing new and cost as much as a movement (our decision).
+STILL_STEPS = 10
 
 
 class Lessons(NamedTuple):
@@ -171,33 +174,30 @@ class CrossmodalPolicy(PreTrainedPolicy):
         mode = lessons.mode.to(pose.device)
         view = self._remember(batch)
 
-        sees_movement = (mode == modes.DESCRIBE) | (mode == modes.REPEAT_ACTION)
         moves = (mode == modes.EXECUTE) | (mode == modes.REPEAT_ACTION)
-        still = pose[:, None].expand_as(actions)
-        joints = _choose(sees_movement, positions_before(pose, actions), still)
-        visual = _choose(sees_movement, view.visual, view.visual[:, :1])
-        visual = _choose(mode != modes.TRANSLATE, visual, torch.zeros_like(visual))
         target = _choose(
-            moves, actions, _choose(mode == modes.DESCRIBE, actions[:, -1:].expand_as(actions), still)
+            moves,
+            actions,
+            _choose(mode == modes.DESCRIBE, actions[:, -1:].expand_as(actions), _held(pose, actions)),
         )
-
+        summary, language_loss = self._think_in_modes(lessons, view, pose, actions)
         steps = int(length.max())
         step = torch.arange(steps, device=pose.device)
-        encoding, mask = self.language.encode(lessons.prompts, pose.device)
-        output = self.core(encoding, mask, visual, joints, steps)
+        visual = _choose(mode != modes.TRANSLATE, view.visual[:, :1], torch.zeros_like(view.visual[:, :1]))
+        moved, stop_logits = self.core.decoder(summary, visual[:, 0], pose, steps)
 
         # LeRobot draws frames, so a long episode comes more often; every episode is to count the same, as in
         # the paper's epochs.
         share = length.reciprocal() / length.reciprocal().mean()
         true_step = step < length[:, None]
-        error = (output.actions - target[:, :steps]).square().mean(dim=-1)
+        error = (moved - target[:, :steps]).square().mean(dim=-1)
         joint_loss = share * (error * true_step).sum(dim=1) / length
         # Where a pose is held, there is nothing to wait for: stop from the first step on.
         stopped = (step >= length[:, None] - 1) | ~moves[:, None]
         stop_loss = share * binary_cross_entropy_with_logits(
-            output.stop_logits, stopped.to(output.stop_logits), reduction="none"
+            stop_logits, stopped.to(stop_logits), reduction="none"
         ).mean(dim=1)
-        language_loss = share * self._language_loss(encoding, mask, output.change, lessons)
+        language_loss = share * language_loss
         loss = language_loss + self.config.joint_loss_weight * (joint_loss + STOP_LOSS_WEIGHT * stop_loss)
         _check_finite(loss, batch)
         return loss.mean(), {
@@ -249,19 +249,37 @@ class CrossmodalPolicy(PreTrainedPolicy):
             return made_up_names.rename_object(task, name), made_up_names.rename_object(wording, name)
         return task, wording
 
-    def _language_loss(self, encoding: Tensor, mask: Tensor, change: Tensor, lessons: Lessons) -> Tensor:
-        """Cross entropy of T5's tokens, or in translate mean((l_enc + FC(h) - l_enc)^2): (batch,)."""
-        weight = mask.unsqueeze(-1)
-        losses = (change.square() * weight).sum(dim=(1, 2)) / (weight.sum(dim=(1, 2)) * change.shape[-1])
-        speaks = (lessons.mode != modes.TRANSLATE).nonzero().flatten().tolist()
-        if speaks:
-            texts = [lessons.texts[sample] for sample in speaks]
-            # The sentences to translate are the long prompts: without them, most of the padding goes.
-            tokens = int(mask[speaks].sum(dim=1).max())
-            hidden = (encoding[:, :tokens] + change[:, :tokens])[speaks]
-            text_losses = self.language.text_loss(hidden, mask[speaks, :tokens], texts)
-            losses = losses.index_copy(0, torch.tensor(speaks, device=losses.device), text_losses.to(losses))
-        return losses
+    def _think_in_modes(
+        self, lessons: Lessons, view: View, pose: Tensor, actions: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Summary (batch, dim_model) and language loss (batch,) of all samples.
+
+        The samples of a mode are of one kind, long prompts or short ones, movements or none: mode by mode,
+        little work goes into padding.
+        """
+        chosen = [(lessons.mode == mode).nonzero().flatten() for mode in range(len(modes.MODES))]
+        summaries, losses = [], []
+        for mode, samples in enumerate(chosen):
+            if not len(samples):
+                continue
+            prompts, texts = ([of[i] for i in samples.tolist()] for of in (lessons.prompts, lessons.texts))
+            encoding, mask = self.language.encode(prompts, pose.device)
+            visual, first_pose = view.visual[samples], pose[samples]
+            if mode in (modes.DESCRIBE, modes.REPEAT_ACTION):
+                joints = positions_before(first_pose, actions[samples])
+            else:
+                visual, joints = visual[:, :1], _still(first_pose)
+            if mode == modes.TRANSLATE:
+                visual = torch.zeros_like(visual)
+            thought = self.core.think(encoding, mask, visual, joints)
+            summaries.append(thought.summary)
+            losses.append(
+                _change_loss(thought.change, mask)
+                if mode == modes.TRANSLATE
+                else self.language.text_loss(encoding + thought.change, mask, texts)
+            )
+        in_order = torch.cat(chosen).argsort().to(pose.device)
+        return torch.cat(summaries)[in_order], torch.cat(losses)[in_order]
 
     # Execute ------------------------------------------------------------------------------------------------
 
@@ -317,11 +335,9 @@ class CrossmodalPolicy(PreTrainedPolicy):
             for task, command, knows, can in zip(tasks, commands, understood, able, strict=True)
         ]
         pose = self._first_pose(batch)
-        still = pose[:, None].expand(-1, self.config.max_episode_steps, -1)
         prompts = [modes.execute_prompt(task) for task in tasks]
-        output, _, _ = self._run(prompts, view.visual[:, :1], still)
-        actions = hold_after_stop(output.actions, output.stop_logits)
-        return _choose(torch.tensor(able, device=pose.device), actions, still)
+        actions = self._move(prompts, view.visual[:, :1], _still(pose))
+        return _choose(torch.tensor(able, device=pose.device), actions, _held(pose, actions))
 
     def say(self) -> list[str]:
         """One sentence for each environment on the plan that was made last; empty before the first plan."""
@@ -356,8 +372,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
         actions, _ = recover_actions(batch[ACTION], batch["action_is_pad"])
         pose = self._first_pose(batch)
         prompts = [modes.repeat_action_prompt()] * len(pose)
-        output, _, _ = self._run(prompts, self._watch(batch).visual, positions_before(pose, actions))
-        return hold_after_stop(output.actions, output.stop_logits)
+        return self._move(prompts, self._watch(batch).visual, positions_before(pose, actions))
 
     @torch.no_grad()
     def translate(self, sentences: Sequence[str], batch: dict[str, Any] | None = None) -> list[str]:
@@ -375,22 +390,30 @@ class CrossmodalPolicy(PreTrainedPolicy):
         """What the robot says to prompts when it does not move."""
         self.eval()
         pose = self.rest_pose.expand(len(prompts), -1) if batch is None else self._first_pose(batch)
-        still = pose[:, None].expand(-1, self.config.max_episode_steps, -1)
         if visual is None:
             visual = pose.new_zeros(len(pose), 1, self.dim_visual)
-        return self._speak(prompts, visual, still)
+        return self._speak(prompts, visual, _still(pose))
 
     # Common -------------------------------------------------------------------------------------------------
 
-    def _run(
-        self, prompts: Sequence[str], visual: Tensor, joints: Tensor, steps: int | None = None
-    ) -> tuple[CoreOutput, Tensor, Tensor]:
+    def _think(
+        self, prompts: Sequence[str], visual: Tensor, joints: Tensor
+    ) -> tuple[Thought, Tensor, Tensor]:
         encoding, mask = self.language.encode(prompts, joints.device)
-        return self.core(encoding, mask, visual, joints, steps or joints.shape[1]), encoding, mask
+        return self.core.think(encoding, mask, visual, joints), encoding, mask
+
+    def _move(self, prompts: Sequence[str], visual: Tensor, joints: Tensor) -> Tensor:
+        """A movement for each prompt, (batch, L, joints); after its stop output the pose is held."""
+        thought, _, _ = self._think(prompts, visual, joints)
+        actions, stop_logits = self.core.decoder(
+            thought.summary, visual[:, 0], joints[:, 0], self.config.max_episode_steps
+        )
+        return hold_after_stop(actions, stop_logits)
 
     def _speak(self, prompts: Sequence[str], visual: Tensor, joints: Tensor) -> list[str]:
-        output, encoding, mask = self._run(prompts, visual, joints, steps=1)
-        return self.language.generate(encoding + output.change, mask, self.config.max_text_tokens)
+        """A text for each prompt."""
+        thought, encoding, mask = self._think(prompts, visual, joints)
+        return self.language.generate(encoding + thought.change, mask, self.config.max_text_tokens)
 
     def _first_pose(self, batch: dict[str, Any]) -> Tensor:
         """Scaled joints at the first step, (batch, joints); they may lie just outside the trained range."""
@@ -400,6 +423,22 @@ class CrossmodalPolicy(PreTrainedPolicy):
 def _choose(condition: Tensor, chosen: Tensor, other: Tensor) -> Tensor:
     """Choose between whole sequences (batch, steps, joints) by a condition (batch,)."""
     return torch.where(condition[:, None, None], chosen, other)
+
+
+def _held(pose: Tensor, actions: Tensor) -> Tensor:
+    """The pose (batch, joints) at each of the steps that the actions have."""
+    return pose[:, None].expand_as(actions)
+
+
+def _still(pose: Tensor) -> Tensor:
+    """What the action encoder reads when nothing has moved yet, (batch, STILL_STEPS, joints)."""
+    return pose[:, None].expand(-1, STILL_STEPS, -1)
+
+
+def _change_loss(change: Tensor, mask: Tensor) -> Tensor:
+    """Translate: mean((l_enc + FC(h) - l_enc)^2) over true tokens, (batch,): T5's own encoding is to stay."""
+    weight = mask.unsqueeze(-1)
+    return (change.square() * weight).sum(dim=(1, 2)) / (weight.sum(dim=(1, 2)) * change.shape[-1])
 
 
 def _check_finite(loss: Tensor, batch: dict[str, Any]) -> None:

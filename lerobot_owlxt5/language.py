@@ -93,7 +93,7 @@ class SplitT5:
             hidden = hidden * self.model.config.d_model**-0.5
         # The vocabulary is the widest layer by far: go through it only where there is something to compare.
         labelled = targets != IGNORED
-        logits = self.model.get_output_embeddings()(hidden[labelled])
+        logits = self.model.get_output_embeddings()(hidden[labelled]).float()
         losses = torch.zeros_like(targets, dtype=logits.dtype)
         losses[labelled] = cross_entropy(logits, targets[labelled], reduction="none")
         return losses.sum(dim=1) / labelled.sum(dim=1)

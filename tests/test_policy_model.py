@@ -24,9 +24,9 @@ def test_padding_changes_nothing() -> None:
     core = CrossmodalCore(16, 2, 3, dim_model=8, n_heads=2, dim_feedforward=16, dim_lstm=8).eval()
     language, mask = torch.randn(2, 5, 16), torch.arange(5) < torch.tensor([[5], [3]])
     visual, joints = torch.randn(2, 1, 2), torch.randn(2, 4, 3)
-    together = core(language, mask, visual, joints, steps=4)
-    alone = core(language[1:, :3], mask[1:, :3], visual[1:], joints[1:], steps=4)
-    assert torch.allclose(together.actions[1], alone.actions[0], atol=1e-6)
+    together = core.think(language, mask, visual, joints)
+    alone = core.think(language[1:, :3], mask[1:, :3], visual[1:], joints[1:])
+    assert torch.allclose(together.summary[1], alone.summary[0], atol=1e-6)
     assert torch.allclose(together.change[1, :3], alone.change[0], atol=1e-6)
 
 
