@@ -4,7 +4,8 @@
 Paper's sizes, batches of 64 in the default mix of modes, a T5-small with random weights and 32,128 tokens, no
 detector (ground truth). Data loading is excluded: the batches lie in memory. Prints the seconds of a training
 step (forward, backward, Adam) in float32 and under bfloat16 autocast, with the share of the speed at which
-the same machine multiplies matrices, and the milliseconds of the first and of every later `select_action`.
+the same machine multiplies matrices, the milliseconds of the first and of every later `select_action`, and
+the seconds that OWLv2-base looks at an image.
 """
 
 import sys
@@ -23,7 +24,7 @@ from rich.table import Table
 from torch import Tensor
 from torch.utils.data import DataLoader, Subset
 from torch.utils.flop_counter import FlopCounterMode
-from transformers import AutoModelForSeq2SeqLM
+from transformers import AutoModelForSeq2SeqLM, Owlv2Config, Owlv2ForObjectDetection
 
 from lerobot_owlxt5.backbones import SmallT5Config, collect_texts, make_small_t5
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
@@ -138,6 +139,19 @@ def main() -> None:
     first = _seconds(lambda: policy.select_action(one), device, 1)
     later = _seconds(lambda: policy.select_action(one), device, 50)
     console.print(f"select_action: first {1000 * first:.1f} ms, later {1000 * later:.3f} ms")
+
+    model = (
+        Owlv2ForObjectDetection(Owlv2Config()).to(device).eval()
+    )  # base, 16 pixels a patch; random weights
+    picture = torch.rand(1, 3, 960, 960)
+    query = torch.ones(1, 16, dtype=torch.long, device=device)
+
+    @torch.no_grad()
+    def detect() -> None:
+        model(pixel_values=picture.to(device), input_ids=query)
+
+    detect()
+    console.print(f"OWLv2-base, forward: {_seconds(detect, device, 3):.2f} s an image")
 
 
 if __name__ == "__main__":
