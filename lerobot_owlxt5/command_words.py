@@ -70,11 +70,13 @@ OPENINGS = ENDINGS.union(
 )
 
 ARTICLES = {"the", "a", "an", "this", "that", "these", "those"}
-PRONOUNS = {"it", "them", "something", "anything"}
+PRONOUNS = {"it", "them", "something", "anything", "everything"}
 NEGATIONS = {"not", "never", "dont", "cannot", "without"}
 # With one of these, a name would be more than a name: a goal, a choice, a condition, one more command.
 IN_NO_NAME = {"to", "toward", "towards", "from", "into", "onto", "against", "off", "over", "sideways"}
-IN_NO_NAME |= {"or", "but", "then", "if", "when", "until"}
+IN_NO_NAME |= {"or", "but", "then", "if", "when", "until", "me", "my", "your"}
+# Behind one of these, a phrase is part of a longer one: "the ball on the left", "to the right now".
+UNFINISHED = {"the", "to", "your"}
 # Behind "and" or a comma, one of these begins another command or names another object.
 BEGINNINGS = VERB_WORDS | ARTICLES | {opening.split()[0] for opening in OPENINGS}
 

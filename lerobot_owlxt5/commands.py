@@ -25,6 +25,7 @@ from .command_words import (
     OPENINGS,
     PRONOUNS,
     SLIPS,
+    UNFINISHED,
     VERB_PHRASES,
     VERB_WORDS,
 )
@@ -39,12 +40,12 @@ class Command:
     Attributes:
         verb: One of `VERBS`, or None if the text asks for none of them, or not clearly for one.
         object: The object's name as the text has it; the whole text if there is no verb.
-        refusal: A sentence that says why there is no verb, or asks back; None if there is one.
+        refusal: A sentence that says why there is no verb, or asks back; empty if there is one.
     """
 
     verb: str | None
     object: str
-    refusal: str | None = None
+    refusal: str = ""
 
     @property
     def canonical(self) -> str:
@@ -99,7 +100,7 @@ def _cut(words: list[str], phrases: Collection[str], end: bool = False) -> tuple
     for count in range(min(len(words), LONGEST_PHRASE), 0, -1):
         edge, rest = (words[-count:], words[:-count]) if end else (words[:count], words[count:])
         phrase = " ".join(SLIPS.get(word, word) for word in edge)
-        if phrase in phrases:
+        if phrase in phrases and not (end and UNFINISHED & {*rest[-1:]}):
             return phrase, rest
     return "", words
 
@@ -120,7 +121,7 @@ def _cut_directions(words: list[str]) -> tuple[list[str], set[str]]:
         words = rest
     while True:
         direction, rest = _cut(words, DIRECTIONS, end=True)
-        if not direction or rest[-1:] == ["the"]:  # "the ball on the left" says which ball
+        if not direction:
             return words, directions
         directions.add(DIRECTIONS[direction])
         words = _cut_all(rest, ENDINGS, end=True)

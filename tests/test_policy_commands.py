@@ -18,30 +18,24 @@ CLANT_WORDINGS = {
 nouns = st.text("bcdfgjkm", min_size=2, max_size=8)
 adjectives = st.sampled_from(
     [
+        *GERUNDS,
+        *GERUNDS.values(),
         "left",
         "right",
         "up",
-        "down",
         "back",
         "away",
-        "push",
-        "slide",
-        "move",
         "can",
         "please",
-        "robot",
         "now",
+        "robot",
         "red",
     ]
 )
 names = st.builds(lambda before, noun: " ".join([*before, noun]), st.lists(adjectives, max_size=3), nouns)
-sentences = st.builds(
-    lambda opening, direction, noun, ending: f"{opening} move the {noun} {direction} {ending}",
-    st.sampled_from(sorted(OPENINGS)),
-    st.sampled_from(sorted(DIRECTIONS)),
-    nouns,
-    st.sampled_from(sorted(ENDINGS)),
-)
+# A comma before the ending, as "right now" is a time and "right, now" a direction.
+parts = st.tuples(*map(st.sampled_from, map(sorted, (OPENINGS, DIRECTIONS, ENDINGS))), nouns)
+sentences = parts.map(lambda part: f"{part[0]} move the {part[3]} {part[1]}, {part[2]}")
 
 
 @pytest.mark.parametrize(
@@ -79,6 +73,7 @@ sentences = st.builds(
         ("Shift that mug over to your right-hand side, please.", "slide-to-right", "mug"),
         ("move the ball sideways to your left", "slide-to-left", "ball"),
         ("slide the ball right, now", "slide-to-right", "ball"),
+        ("slide the ball to the right now", "slide-to-right", "ball"),
         # Names that hold the words of commands.
         ("push push pin", "push", "push pin"),
         ("push back cover", "push", "back cover"),
@@ -115,6 +110,7 @@ def test_commands(text: str, verb: str, name: str) -> None:
         ("pull the can towards me", "I do not know how to pull the can towards me."),
         ("push the can off the table", "I do not know how to push the can off the table."),
         ("push the ball if it is red", "I do not know how to push the ball if it is red."),
+        ("push the can with your left hand", "I do not know how to push the can with your left hand."),
         # More than one.
         ("push the ball and pull the can", "I do not know how to push the ball and pull the can."),
         ("push the ball, pull the can", "I do not know how to push the ball, pull the can."),
@@ -157,17 +153,17 @@ def test_clants_forms_take_any_name(verb: str, data: st.DataObject, name: str, a
     assert parse_command(command.canonical) == command
 
 
-@given(sentence=sentences)
-def test_each_opening_direction_and_ending_is_understood(sentence: str) -> None:
-    noun, _, rest = sentence.partition(" the ")[2].partition(" ")
-    direction = max((phrase for phrase in DIRECTIONS if rest.startswith(phrase)), key=len)
-    assert parse_command(sentence) == Command(DIRECTIONS[direction], noun)
+@given(part=parts)
+def test_each_opening_direction_and_ending_is_understood(part: tuple[str, str, str, str]) -> None:
+    opening, direction, ending, noun = part
+    text = f"{opening} move the {noun} {direction}, {ending}"
+    assert parse_command(text) == Command(DIRECTIONS[direction], noun)
 
 
 @pytest.mark.parametrize("word", sorted({*VERB_PHRASES, *GERUNDS}))
 def test_each_verb_is_known_even_with_two_letters_swapped(word: str) -> None:
     known = parse_command(f"{word} the ball")
-    assert known.verb or str(known.refusal).startswith("Should I")
+    assert known.verb or known.refusal.startswith("Should I")
     for slip in (slip for slip, meant in SLIPS.items() if meant == word):
         assert parse_command(f"{slip} the ball").verb == known.verb
 
@@ -197,7 +193,7 @@ def test_any_text_can_be_parsed(text: str) -> None:
     command = parse_command(text)
     assert command.object == plain(command.object)
     assert f" {command.object} " in f" {plain(text)} "
-    assert (command.verb is None) == (command.refusal is not None)
+    assert (command.verb is None) == (command.refusal != "")
     assert command.verb is None or command.object
 
 
@@ -241,7 +237,7 @@ def test_a_made_up_name_takes_the_place_of_the_object(seed: int, text: str) -> N
 @given(
     weights=st.lists(st.floats(0.01, 1), min_size=4, max_size=4),
     absent=st.sets(st.integers(0, 3), max_size=3),
-    uniform=st.floats(0, 1, exclude_max=True),
+    uniform=st.floats(0, 1, exclude_max=True, width=32),
 )
 def test_a_mode_without_probability_is_never_drawn(
     weights: list[float], absent: set[int], uniform: float
