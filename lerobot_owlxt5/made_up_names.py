@@ -15,7 +15,7 @@ from .commands import parse_command, plain
 # Share of the samples whose object gets a made-up name.
 SHARE = 0.1
 _MOST_WORDS = 3
-# Too long for an article, which a command would lose.
+# Long enough to be hardly ever a word with a meaning in commands, such as an article.
 _SHORTEST_WORD, _LONGEST_WORD = 4, 7
 
 
