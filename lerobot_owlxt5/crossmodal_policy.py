@@ -317,9 +317,9 @@ class CrossmodalPolicy(PreTrainedPolicy):
         tasks: list[str] = batch["task"]
         commands = [parse_command(task) for task in tasks]
         view = self._watch(batch)
+        trained = self.config.tasks or []
         understood = [
-            command.verb is not None or task in (self.config.tasks or [])
-            for command, task in zip(commands, tasks, strict=True)
+            command.verb is not None or task in trained for command, task in zip(commands, tasks, strict=True)
         ]
         # A task of other training data, without a verb of ours, names no object that could be missed.
         able = [
@@ -327,15 +327,19 @@ class CrossmodalPolicy(PreTrainedPolicy):
             for command, knows, sees in zip(commands, understood, view.found.tolist(), strict=True)
         ]
         self._sayings = [
-            f"I do not know how to {spoken(task)}."
+            command.refusal
             if not knows
             else command.done
             if can
             else f"I cannot see {with_article(object_name(command.object))}."
-            for task, command, knows, can in zip(tasks, commands, understood, able, strict=True)
+            for command, knows, can in zip(commands, understood, able, strict=True)
         ]
         pose = self._first_pose(batch)
-        prompts = [modes.execute_prompt(task) for task in tasks]
+        # The language model was not trained on free wording: it is told the same in CLANT's words.
+        prompts = [
+            modes.execute_prompt(task if task in trained or command.verb is None else command.canonical)
+            for command, task in zip(commands, tasks, strict=True)
+        ]
         actions = self._move(prompts, view.visual[:, :1], _still(pose))
         return _choose(torch.tensor(able, device=pose.device), actions, _held(pose, actions))
 
