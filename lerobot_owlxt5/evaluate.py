@@ -132,7 +132,9 @@ def choose_episodes(meta: LeRobotDatasetMetadata, split: str, among: Sequence[in
         )
     episodes = [episode for episode in chosen if among is None or episode in among]
     if not episodes:
-        raise ValueError(f"--dataset.episodes={list(among or [])} leaves no episode of the split '{split}'")
+        raise ValueError(
+            f"no episode is left of --split={split} and --dataset.episodes={among} in {meta.repo_id}"
+        )
     return episodes
 
 

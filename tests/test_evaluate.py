@@ -209,7 +209,7 @@ def test_describe_sees_the_last_frame(folder: Path) -> None:
         ({}, "all", None, [0, 1, 2, 3, 4, 5]),
         ({"train": "0:6"}, "test", None, "no split 'test'; choose --split=all or --split=train"),
         (None, "test", None, "no split 'test'; choose --split=all"),
-        ({"test": "4:6"}, "test", [1], "leaves no episode"),
+        ({"test": "4:6"}, "test", [1], "no episode is left"),
     ],
 )
 def test_episodes_of_a_split(
