@@ -6,20 +6,20 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from lerobot.configs import PreTrainedConfig, parser
 from lerobot.configs.default import DatasetConfig
 from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
 from lerobot.datasets.factory import resolve_delta_timestamps
-from lerobot.policies import PreTrainedPolicy
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot.utils.constants import ACTION, OBS_PREFIX
 from rich.console import Console
 
 from . import metrics
+from .configuration_crossmodal import CrossmodalConfig
 from .configuration_owlxt5 import GROUND_TRUTH
+from .crossmodal_policy import CrossmodalPolicy
 from .episodes import check_episode_lengths
 from .report import Report
 from .scoring import Processor, score_policy
@@ -37,7 +37,7 @@ class EvaluateConfig:
     # Repeat execute and describe with words that are not in the data set.
     robustness: bool = False
     # Episodes that are evaluated together.
-    batch_size: int = 32
+    batch_size: int = 8
     # Seed of these words, and of the bootstrap.
     seed: int = 1000
     # Where results.json and results.md go; outputs/evaluate/<date>/<time>_<policy> when unset.
@@ -49,7 +49,7 @@ class EvaluateConfig:
         return ["policy"]
 
 
-def load_policy() -> tuple[PreTrainedPolicy, Processor, Processor]:
+def load_policy() -> tuple[CrossmodalPolicy, Processor, Processor]:
     """Load the checkpoint that --policy.path names, changed by the other --policy options.
 
     Unlike LeRobot's `make_policy` it does not show the policy the data set: owlxt5 would take the tasks in
@@ -66,20 +66,19 @@ def load_policy() -> tuple[PreTrainedPolicy, Processor, Processor]:
         raise ValueError("name a checkpoint with --policy.path=<folder or Hub id>")
     options = parser.get_yaml_overrides("policy") + (parser.get_cli_overrides("policy") or [])
     policy_config = PreTrainedConfig.from_pretrained(path, cli_overrides=options)
-    policy_class = get_policy_class(policy_config.type)
-    if not all(hasattr(policy_class, mode) for mode in ("describe", "repeat_action", "translate")):
+    if not isinstance(policy_config, CrossmodalConfig):
         raise ValueError(
             f"--policy.path={path} holds the policy '{policy_config.type}', which has not the modes that are "
             "evaluated here; owlxt5 and crosst5 have"
         )
     policy_config.pretrained_path = Path(path)
-    policy = policy_class.from_pretrained(path, config=policy_config)
+    policy = get_policy_class(policy_config.type).from_pretrained(path, config=policy_config)
     overrides = {"device_processor": {"device": str(policy_config.device)}}
     return policy, *make_pre_post_processors(policy_config, path, preprocessor_overrides=overrides)
 
 
-def open_dataset(config: EvaluateConfig, policy: PreTrainedConfig) -> LeRobotDataset:
-    """Open the chosen episodes, with the policy's own windows; `describe` sees the last frame besides.
+def open_dataset(config: EvaluateConfig, policy: CrossmodalConfig) -> LeRobotDataset:
+    """Open the chosen episodes, with the windows that the policy needs to describe a finished episode.
 
     Raises:
         FileNotFoundError: If the folder holds no data set.
@@ -95,9 +94,8 @@ def open_dataset(config: EvaluateConfig, policy: PreTrainedConfig) -> LeRobotDat
     check_episode_lengths(meta, policy.max_episode_steps)
     episodes = choose_episodes(meta, config.split, options.episodes)
     deltas = resolve_delta_timestamps(policy, meta) or {}
-    last = policy.max_episode_steps - 1
-    seen = sorted({*(policy.observation_delta_indices or []), last})
-    deltas |= {key: [step / meta.fps for step in seen] for key in deltas if key.startswith(OBS_PREFIX)}
+    seen = [step / meta.fps for step in policy.describe_delta_indices]
+    deltas |= {key: seen for key in deltas if key.startswith(OBS_PREFIX)}
     return LeRobotDataset(
         options.repo_id,
         root=options.root,
@@ -105,6 +103,7 @@ def open_dataset(config: EvaluateConfig, policy: PreTrainedConfig) -> LeRobotDat
         revision=options.revision,
         video_backend=options.video_backend,
         delta_timestamps=deltas,
+        return_uint8=True,
     )
 
 
@@ -138,7 +137,9 @@ def choose_episodes(meta: LeRobotDatasetMetadata, split: str, among: Sequence[in
     return episodes
 
 
-def describe_run(config: EvaluateConfig, policy: Any, dataset: LeRobotDataset) -> dict[str, str | int]:
+def describe_run(
+    config: EvaluateConfig, policy: CrossmodalConfig, dataset: LeRobotDataset
+) -> dict[str, str | int]:
     """All that the figures must not be quoted without."""
     eyes = getattr(policy, "detector", f"those of {policy.type}, no detector")
     if eyes == GROUND_TRUTH:

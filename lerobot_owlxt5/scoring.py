@@ -11,7 +11,7 @@ import torch
 from lerobot.datasets import LeRobotDataset
 from lerobot.processor import PolicyProcessorPipeline
 from lerobot.utils.collate import lerobot_collate_fn
-from lerobot.utils.constants import ACTION, OBS_STATE
+from lerobot.utils.constants import ACTION, OBS_PREFIX, OBS_STATE
 from torch import Tensor
 from torch.utils.data import DataLoader, Subset
 from tqdm import tqdm
@@ -19,7 +19,7 @@ from tqdm import tqdm
 from . import metrics, modes
 from .annotations import EpisodeTexts, read_texts
 from .commands import parse_command, plain, spoken
-from .episodes import at_step, recover_actions
+from .episodes import recover_actions
 from .made_up_names import rename_object
 from .report import Row
 from .rewording import COMMAND_KINDS, LABEL_KINDS, reword_command, reword_labels
@@ -115,9 +115,9 @@ def score_policy(
     texts = read_texts(dataset.meta)
     names = list(dict.fromkeys(parse_command(task).object for task in dataset.meta.tasks.index))
     labels = {AS_TRAINED: dict(zip(names, names, strict=True))}
-    if robustness:
-        for kind in LABEL_KINDS:
-            labels[kind] = reword_labels(names, kind, texts, np.random.default_rng(seed))
+    # Only a detector looks for labels: to other eyes it makes no difference how they are worded.
+    for kind in LABEL_KINDS if robustness and hasattr(policy.config, "detector") else ():
+        labels[kind] = reword_labels(names, kind, texts, np.random.default_rng(seed))
     scores = Scores()
     first_frames = np.flatnonzero(dataset.hf_dataset.data.column("frame_index").to_numpy() == 0)
     frames = Subset(dataset, first_frames.tolist())
@@ -140,9 +140,11 @@ def score_policy(
             true, lengths = recover_actions(raw[ACTION], raw["action_is_pad"])
             batch = preprocessor(raw)
 
-            pose = at_step(batch[OBS_STATE], 0, ndim=2).clamp(-1.0, 1.0)
+            # As lerobot-eval hands it over, at the beginning and without a time axis.
+            start = {key: value[:, 0] for key, value in batch.items() if key.startswith(OBS_PREFIX)}
+            pose = start[OBS_STATE].clamp(-1.0, 1.0)
             for variant, wordings in commands.items():
-                plan = policy.predict_action_chunk(batch | {"task": wordings})
+                plan = policy.predict_action_chunk(start | {"task": wordings})
                 # What is refused leaves the robot in exactly the pose that it is in.
                 moves = (plan != pose[:, None]).any(dim=(1, 2)).tolist()
                 scores.add_movements("execute", variant, postprocessor(plan).cpu(), true, lengths, moves)
