@@ -24,10 +24,12 @@ class EpisodeTexts:
     Attributes:
         wordings: Accepted wordings of the task (LeRobot's style `task_aug`).
         sentence: English sentence to translate (style `translation`, role `user`), or None.
+        translation: The same sentence in German (style `translation`, role `assistant`), or None.
     """
 
     wordings: tuple[str, ...] = ()
     sentence: str | None = None
+    translation: str | None = None
 
 
 def read_texts(meta: "LeRobotDatasetMetadata") -> dict[int, EpisodeTexts]:
@@ -46,8 +48,12 @@ def read_texts(meta: "LeRobotDatasetMetadata") -> dict[int, EpisodeTexts]:
 
 
 def _sort_rows(rows: list[dict[str, Any]]) -> EpisodeTexts:
-    said = [(row["style"], row["content"]) for row in rows if row["role"] == "user" and row["content"]]
+    said: dict[tuple[str, str], list[str]] = {}
+    for row in rows:
+        if row["content"]:
+            said.setdefault((row["style"], row["role"]), []).append(row["content"])
     return EpisodeTexts(
-        wordings=tuple(content for style, content in said if style == "task_aug"),
-        sentence=next((content for style, content in said if style == "translation"), None),
+        wordings=tuple(said.get(("task_aug", "user"), ())),
+        sentence=next(iter(said.get(("translation", "user"), ())), None),
+        translation=next(iter(said.get(("translation", "assistant"), ())), None),
     )

@@ -51,6 +51,7 @@ def test_texts_are_read_from_the_dataset(tmp_path: Path) -> None:
     assert texts[1].wordings[1].startswith("move-down ")
     assert len(texts[1].wordings) == 4
     assert texts[1].sentence == "The Commission met 1 times."
+    assert texts[1].translation == "Die Kommission trat 1 Mal zusammen."
     check_episode_lengths(meta, HORIZON)
     with pytest.raises(ValueError, match=r"Episode 1 .* 9 steps.*--policy.max_episode_steps=9"):
         check_episode_lengths(meta, 8)

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`owlxt5-evaluate`: the figures of all modes of a checkpoint on a data set (docs/evaluation.md)."""
+
+import datetime as dt
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from lerobot.configs import PreTrainedConfig, parser
+from lerobot.configs.default import DatasetConfig
+from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
+from lerobot.datasets.factory import resolve_delta_timestamps
+from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+from lerobot.utils.constants import ACTION, OBS_PREFIX
+from rich.console import Console
+
+from . import metrics
+from .configuration_crossmodal import CrossmodalConfig
+from .configuration_owlxt5 import GROUND_TRUTH
+from .crossmodal_policy import CrossmodalPolicy
+from .episodes import check_episode_lengths
+from .report import Report
+from .scoring import Processor, score_policy
+
+ALL = "all"
+
+
+@dataclass
+class EvaluateConfig:
+    """Evaluate all modes of a checkpoint of owlxt5 or crosst5 (--policy.path) on a data set."""
+
+    dataset: DatasetConfig
+    # Split of the data set, or `all`.
+    split: str = "test"
+    # Repeat execute and describe with words that are not in the data set.
+    robustness: bool = False
+    # Episodes that are evaluated together.
+    batch_size: int = 8
+    # Seed of these words, and of the bootstrap.
+    seed: int = 1000
+    # Where results.json and results.md go; outputs/evaluate/<date>/<time>_<policy> when unset.
+    output_dir: Path | None = None
+
+    @classmethod
+    def __get_path_fields__(cls) -> list[str]:
+        """LeRobot's parser leaves `--policy.path`, and the other `--policy` options with it, to us."""
+        return ["policy"]
+
+
+def load_policy() -> tuple[CrossmodalPolicy, Processor, Processor]:
+    """Load the checkpoint that --policy.path names, changed by the other --policy options.
+
+    Unlike LeRobot's `make_policy` it does not show the policy the data set: owlxt5 would take the tasks in
+    there for tasks that it was trained on.
+
+    Returns:
+        The policy, its preprocessor and its postprocessor.
+
+    Raises:
+        ValueError: If no checkpoint is named, or its policy cannot be evaluated here.
+    """
+    path = parser.get_path_arg("policy")
+    if path is None:
+        raise ValueError("name a checkpoint with --policy.path=<folder or Hub id>")
+    options = parser.get_yaml_overrides("policy") + (parser.get_cli_overrides("policy") or [])
+    policy_config = PreTrainedConfig.from_pretrained(path, cli_overrides=options)
+    if not isinstance(policy_config, CrossmodalConfig):
+        raise ValueError(
+            f"--policy.path={path} holds the policy '{policy_config.type}', which has not the modes that are "
+            "evaluated here; owlxt5 and crosst5 have"
+        )
+    policy_config.pretrained_path = Path(path)
+    policy = get_policy_class(policy_config.type).from_pretrained(path, config=policy_config)
+    overrides = {"device_processor": {"device": str(policy_config.device)}}
+    return policy, *make_pre_post_processors(policy_config, path, preprocessor_overrides=overrides)
+
+
+def open_dataset(config: EvaluateConfig, policy: CrossmodalConfig) -> LeRobotDataset:
+    """Open the chosen episodes, with the windows that the policy needs to describe a finished episode.
+
+    Raises:
+        FileNotFoundError: If the folder holds no data set.
+        ValueError: If the split is not there, or the data set does not fit the policy.
+    """
+    options = config.dataset
+    if options.root is not None and not (Path(options.root) / "meta" / "info.json").is_file():
+        raise FileNotFoundError(f"--dataset.root={options.root} holds no LeRobotDataset (no meta/info.json)")
+    meta = LeRobotDatasetMetadata(options.repo_id, root=options.root, revision=options.revision)
+    missing = [key for key in [*(policy.input_features or {}), ACTION] if key not in meta.features]
+    if missing:
+        raise ValueError(f"the data set {options.repo_id} lacks what the policy needs: {', '.join(missing)}")
+    check_episode_lengths(meta, policy.max_episode_steps)
+    episodes = choose_episodes(meta, config.split, options.episodes)
+    deltas = resolve_delta_timestamps(policy, meta) or {}
+    seen = [step / meta.fps for step in policy.describe_delta_indices]
+    deltas |= {key: seen for key in deltas if key.startswith(OBS_PREFIX)}
+    return LeRobotDataset(
+        options.repo_id,
+        root=options.root,
+        episodes=episodes,
+        revision=options.revision,
+        video_backend=options.video_backend,
+        delta_timestamps=deltas,
+        return_uint8=True,
+    )
+
+
+def choose_episodes(meta: LeRobotDatasetMetadata, split: str, among: Sequence[int] | None) -> list[int]:
+    """Choose the episodes of a split.
+
+    Args:
+        meta: The data set's metadata, with splits such as {"test": "1080:1440"}.
+        split: A split's name, or `all`.
+        among: Only these episodes count, if given (--dataset.episodes).
+
+    Raises:
+        ValueError: If there is no such split, or no episode in it.
+    """
+    splits = meta.info.splits or {}
+    if split == ALL:
+        chosen = range(meta.total_episodes)
+    elif split in splits:
+        start, _, end = splits[split].partition(":")
+        chosen = range(int(start), int(end))
+    else:
+        raise ValueError(
+            f"the data set {meta.repo_id} has no split '{split}'; choose --split={ALL}"
+            + "".join(f" or --split={name}" for name in splits)
+        )
+    episodes = [episode for episode in chosen if among is None or episode in among]
+    if not episodes:
+        raise ValueError(
+            f"no episode is left of --split={split} and --dataset.episodes={among} in {meta.repo_id}"
+        )
+    return episodes
+
+
+def describe_run(
+    config: EvaluateConfig, policy: CrossmodalConfig, dataset: LeRobotDataset
+) -> dict[str, str | int]:
+    """All that the figures must not be quoted without."""
+    eyes = getattr(policy, "detector", f"those of {policy.type}, no detector")
+    if eyes == GROUND_TRUTH:
+        eyes += " (the simulator's own boxes: an upper bound, no detector)"
+    trained = "trained along" if policy.train_language_model else "frozen"
+    return {
+        "checkpoint": str(policy.pretrained_path),
+        "policy": policy.type,
+        "eyes": eyes,
+        "tongue": f"{policy.language_model} ({trained})",
+        "dataset": config.dataset.repo_id,
+        "split": config.split,
+        "episodes": dataset.num_episodes,
+        "seed": config.seed,
+        "intervals": (
+            f"{metrics.CONFIDENCE:.0%}, percentile bootstrap over episodes, {metrics.RESAMPLES} resamples"
+        ),
+    }
+
+
+@parser.wrap()
+def _evaluate(config: EvaluateConfig) -> None:
+    if config.batch_size < 1:
+        raise ValueError(f"--batch_size must be at least 1; got {config.batch_size}")
+    policy, preprocessor, postprocessor = load_policy()
+    dataset = open_dataset(config, policy.config)
+    scores = score_policy(
+        policy,
+        preprocessor,
+        postprocessor,
+        dataset,
+        batch_size=config.batch_size,
+        robustness=config.robustness,
+        seed=config.seed,
+    )
+    stats = dataset.meta.stats[ACTION]
+    rows = scores.rows(float(np.max(stats["max"]) - np.min(stats["min"])), config.seed)
+    report = Report(describe_run(config, policy.config, dataset), rows)
+    console = Console(highlight=False)
+    for name, value in report.about.items():
+        console.print(f"{name}: {value}", soft_wrap=True, markup=False)
+    console.print(report.table())
+    now = dt.datetime.now()
+    folder = Path("outputs/evaluate") / f"{now:%Y-%m-%d}" / f"{now:%H-%M-%S}_{policy.config.type}"
+    data, text = report.save(config.output_dir or folder)
+    console.print(f"Results: {data} and {text}", soft_wrap=True, markup=False)
+
+
+def main() -> None:
+    """Entry point; an error that the user can mend ends in one message and exit status 1."""
+    try:
+        _evaluate()
+    except (OSError, ValueError) as error:
+        sys.exit(f"owlxt5-evaluate: {error}")
+
+
+if __name__ == "__main__":
+    main()
