@@ -7,6 +7,7 @@ seconds of a step that go into waiting for data and into the update.
 """
 
 import re
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -21,7 +22,7 @@ from rich.table import Table
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
 
 ITEMS = 100
-STEPS = 8
+STEPS, LOGGED = 60, 20  # the first steps find what the workers have fetched before
 _T5_SMALL = (
     "--d_model=512",
     "--d_kv=64",
@@ -45,19 +46,19 @@ def _milliseconds_per_item(root: Path) -> float:
 
 
 def _seconds_per_step(root: Path, t5: Path, folder: Path, options: list[str]) -> tuple[float, float]:
-    """(waiting for data, update), mean over the later half of a short run."""
+    """(waiting for data, update), mean over the later steps of a short run."""
     command = [
         *("lerobot-train", "--policy.type=owlxt5", "--policy.device=cpu", "--policy.push_to_hub=false"),
         *(f"--policy.language_model={t5}", "--policy.detector=ground_truth"),
         *("--dataset.repo_id=local/reading", f"--dataset.root={root}", f"--output_dir={folder}"),
-        *("--batch_size=64", "--num_workers=2", f"--steps={STEPS}", f"--log_freq={STEPS // 2}"),
+        *("--batch_size=64", "--num_workers=2", f"--steps={STEPS}", f"--log_freq={LOGGED}"),
         *("--save_checkpoint=false", "--env_eval_freq=0", *options),
     ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     found = re.findall(r"updt_s:([\d.]+).*?data_s:([\d.]+)", done.stdout + done.stderr)
-    if done.returncode or len(found) < 2:
+    if done.returncode or len(found) != STEPS // LOGGED:
         raise RuntimeError((done.stdout + done.stderr)[-2000:])
-    update, data = map(float, found[-1])
+    update, data = (statistics.mean(map(float, column)) for column in zip(*found[1:], strict=True))
     return data, update
 
 

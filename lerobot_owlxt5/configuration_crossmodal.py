@@ -175,8 +175,13 @@ class CrossmodalConfig(PreTrainedConfig):
         return [1 - self.max_episode_steps, self.max_episode_steps - 1]
 
     @property
-    def action_delta_indices(self) -> list[int]:
-        """A window that covers all actions of the episode, whatever frame was drawn."""
+    def action_delta_indices(self) -> None:
+        """Training reads whole episodes itself, see `episodes.RememberedActions`."""
+        return None
+
+    @property
+    def episode_delta_indices(self) -> list[int]:
+        """A window that covers all of an episode, whatever frame was drawn."""
         return list(range(1 - self.max_episode_steps, self.max_episode_steps))
 
     @property

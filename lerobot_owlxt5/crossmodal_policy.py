@@ -17,7 +17,13 @@ from .annotations import EpisodeTexts, read_texts
 from .commands import object_name, parse_command, spoken, with_article
 from .configuration_crossmodal import CrossmodalConfig
 from .core import CrossmodalCore, Thought
-from .episodes import at_step, check_episode_lengths, positions_before, recover_actions
+from .episodes import (
+    RememberedActions,
+    at_step,
+    check_episode_lengths,
+    positions_before,
+    recover_actions,
+)
 from .language import SplitT5
 
 if TYPE_CHECKING:
@@ -88,8 +94,10 @@ class CrossmodalPolicy(PreTrainedPolicy):
         config.validate_features()
         self.config: CrossmodalConfig = config
         self._texts: dict[int, EpisodeTexts] = {}
+        self._actions: RememberedActions | None = None
         if dataset_meta is not None:
             check_episode_lengths(dataset_meta, config.max_episode_steps)
+            self._actions = RememberedActions(dataset_meta, config.max_episode_steps)
             self._texts = read_texts(dataset_meta)
             config.tasks = list(dict.fromkeys([*(config.tasks or []), *dataset_meta.tasks.index]))
 
@@ -150,8 +158,8 @@ class CrossmodalPolicy(PreTrainedPolicy):
         In training the modes are drawn; in evaluation they follow from the frame's index.
 
         Args:
-            batch: `observation.state` and the camera at the episode's first frame, `action` (batch, 2L - 1,
-                joints) with `action_is_pad`, and `task`, `episode_index` and `index`.
+            batch: `observation.state` and the camera at the episode's first frame, `action` at any frame, and
+                `task`, `episode_index` and `index`.
 
         Returns:
             The loss and its terms: `joint_loss` (mean squared error of the scaled joints over true steps),
@@ -166,7 +174,11 @@ class CrossmodalPolicy(PreTrainedPolicy):
             return self._mixed_loss(batch)
 
     def _mixed_loss(self, batch: dict[str, Any]) -> tuple[Tensor, dict[str, float]]:
-        actions, length = recover_actions(batch[ACTION], batch["action_is_pad"])
+        if self._actions is None:
+            raise ValueError(
+                "Training needs the data set: make the policy with `dataset_meta`, as LeRobot does."
+            )
+        actions, length = self._actions(batch)
         pose = self._first_pose(batch)
         if self.training:
             self.rest_pose = pose.mean(dim=0)
@@ -354,8 +366,8 @@ class CrossmodalPolicy(PreTrainedPolicy):
         """Say what was done to which object.
 
         Args:
-            batch: `action` and `action_is_pad` as in training, and the observations with a time axis, as
-                `describe_delta_indices` of the configuration requests them.
+            batch: `action` (batch, 2L - 1, joints) with `action_is_pad`, as `episode_delta_indices` of the
+                configuration requests them, and the observations, as `describe_delta_indices` does.
             labels: Names of the objects that may have been moved; by default those of the training tasks.
 
         Returns:

@@ -11,7 +11,6 @@ import numpy as np
 from lerobot.configs import PreTrainedConfig, parser
 from lerobot.configs.default import DatasetConfig
 from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
-from lerobot.datasets.factory import resolve_delta_timestamps
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot.utils.constants import ACTION, OBS_PREFIX
 from rich.console import Console
@@ -93,9 +92,11 @@ def open_dataset(config: EvaluateConfig, policy: CrossmodalConfig) -> LeRobotDat
         raise ValueError(f"the data set {options.repo_id} lacks what the policy needs: {', '.join(missing)}")
     check_episode_lengths(meta, policy.max_episode_steps)
     episodes = choose_episodes(meta, config.split, options.episodes)
-    deltas = resolve_delta_timestamps(policy, meta) or {}
-    seen = [step / meta.fps for step in policy.describe_delta_indices]
-    deltas |= {key: seen for key in deltas if key.startswith(OBS_PREFIX)}
+    seen, done = (
+        [step / meta.fps for step in steps]
+        for steps in (policy.describe_delta_indices, policy.episode_delta_indices)
+    )
+    deltas = {key: seen for key in meta.features if key.startswith(OBS_PREFIX)} | {ACTION: done}
     return LeRobotDataset(
         options.repo_id,
         root=options.root,

@@ -3,17 +3,11 @@
 
 from typing import Any
 
-import numpy as np
 import torch
 from lerobot.processor import PolicyAction, PolicyProcessorPipeline, make_default_pre_post_processors
-from lerobot.utils.constants import ACTION, OBS_STATE
 
 from .configuration_crossmodal import CrossmodalConfig
-
-# A joint that moves less than this share of the widest joint's range counts as constant.
-SMALLEST_RANGE = 1e-3
-
-Stats = dict[str, dict[str, Any]]
+from .joint_range import share_joint_range
 
 
 def make_owlxt5_pre_post_processors(
@@ -33,27 +27,3 @@ def make_owlxt5_pre_post_processors(
         The preprocessor and the postprocessor.
     """
     return make_default_pre_post_processors(config, share_joint_range(dataset_stats or {}))
-
-
-def share_joint_range(stats: Stats) -> Stats:
-    """Give state and action one range, as they are positions of the same joints.
-
-    The action decoder reads the first pose and then its own outputs (paper, section 3), which must therefore
-    be scaled alike. A constant joint gets a small symmetric range around its value: scaled by the width of
-    its own range, the slightest deviation of a real joint would be blown up to infinity.
-
-    Args:
-        stats: Statistics by feature; `min` and `max` of state and action have shape (joints,).
-
-    Returns:
-        A copy with the common `min` and `max` in both features, or the same statistics if one is missing.
-    """
-    if OBS_STATE not in stats or ACTION not in stats:
-        return stats
-    state, action = stats[OBS_STATE], stats[ACTION]
-    low = np.minimum(np.asarray(state["min"]), np.asarray(action["min"])).astype(np.float64)
-    high = np.maximum(np.asarray(state["max"]), np.asarray(action["max"])).astype(np.float64)
-    smallest = SMALLEST_RANGE * (np.max(high - low) or 1.0)
-    lack = np.maximum(smallest - (high - low), 0.0) / 2
-    common = {"min": low - lack, "max": high + lack}
-    return {**stats, OBS_STATE: {**state, **common}, ACTION: {**action, **common}}

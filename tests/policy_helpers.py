@@ -190,15 +190,17 @@ def observe(tasks: list[str], objects: list[list[str]] | None = None) -> dict[st
     }
 
 
-def load_batch(
-    root: Path, indices: list[int], preprocessor: Any, **delta_indices: list[int]
-) -> dict[str, Any]:
-    """Frames of a dataset as lerobot-train hands them over: with windows, collated and preprocessed."""
+def load_batch(root: Path, indices: list[int], preprocessor: Any, finished: bool = False) -> dict[str, Any]:
+    """Frames of a dataset as lerobot-train hands them over, collated and preprocessed.
+
+    Or, of `finished` episodes, with the windows that `describe` and `repeat_action` look at.
+    """
     config = OWLxT5Config(max_episode_steps=HORIZON, device="cpu")
-    observation = delta_indices.get("observation", config.observation_delta_indices)
+    observation = config.describe_delta_indices if finished else config.observation_delta_indices
     keys = (EYES, "observation.state", "observation.objects")
     deltas = {key: [step / 10 for step in observation] for key in keys}
-    deltas["action"] = [step / 10 for step in config.action_delta_indices]
+    if finished:
+        deltas["action"] = [step / 10 for step in config.episode_delta_indices]
     dataset = LeRobotDataset("test/synthetic", root=root, delta_timestamps=deltas)
     items = [dataset[index] for index in indices]
     return preprocessor(

@@ -19,7 +19,7 @@ def windows(draw: st.DrawFn) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     length = draw(st.integers(1, horizon))
     frame = draw(st.integers(0, length - 1))
     episode = torch.arange(length)[:, None] + torch.tensor([0.0, 100.0])
-    wanted = frame + torch.tensor(OWLxT5Config(max_episode_steps=horizon, device="cpu").action_delta_indices)
+    wanted = frame + torch.tensor(OWLxT5Config(max_episode_steps=horizon, device="cpu").episode_delta_indices)
     return episode, episode[wanted.clamp(0, length - 1)], (wanted < 0) | (wanted >= length)
 
 
