@@ -17,7 +17,16 @@ from lerobot_owlxt5 import modes
 from lerobot_owlxt5.episodes import recover_actions
 from lerobot_owlxt5.joint_range import share_joint_range
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
-from policy_helpers import EYES, load_batch, make_config, make_dataset, make_owlv2, make_t5, observe
+from policy_helpers import (
+    EYES,
+    load_batch,
+    make_config,
+    make_dataset,
+    make_owlv2,
+    make_policy,
+    make_t5,
+    observe,
+)
 
 FRAMES = [0, 7, 20, 33, 41, 50]
 
