@@ -16,8 +16,9 @@ class ChannelSeparatedAutoencoder(nn.Module):
 
     Layers and sizes follow the autoencoder of the paired variational autoencoders (Özdemir et al., "Language
     Model-Based Paired Variational Autoencoders for Robotic Language Learning", 2022), whose eyes CrossT5 took
-    over. The tanh, which keeps the features in [-1, 1] like the joints, also for pictures unlike the trained
-    ones, and the ReLUs between the fully connected layers are our decisions.
+    over. Our decisions are the ReLUs between the fully connected layers; the tanh, which keeps the features
+    in [-1, 1] like the joints, also for pictures unlike the trained ones; and the batch normalisation before
+    it, without which the tanh saturates in the first hundred steps and the features say nothing.
     """
 
     dim_output = CHANNELS * FEATURES
@@ -53,7 +54,7 @@ class ChannelSeparatedAutoencoder(nn.Module):
 
     @torch.no_grad()
     def look(self, images: Tensor) -> Tensor:
-        """Encode pictures of any size, a few at a time.
+        """Encode pictures of any size, a few at a time, with eyes that learn no more.
 
         Args:
             images: (..., 3, height, width), float in [0, 1] or uint8, on any device.
@@ -61,6 +62,7 @@ class ChannelSeparatedAutoencoder(nn.Module):
         Returns:
             (..., 30), float32, on the autoencoder's device.
         """
+        self.eval()
         device = next(self.parameters()).device
         parts = images.flatten(0, -4).split(FRAMES_AT_ONCE)
         features = torch.cat([self.encode(resize(part.to(device))).float() for part in parts])
@@ -90,7 +92,7 @@ def _encoder() -> nn.Sequential:
         nn.Flatten(),
         *(nn.Linear(64 * 3 * 4, 384), nn.ReLU()),
         *(nn.Linear(384, 192), nn.ReLU()),
-        *(nn.Linear(192, FEATURES), nn.Tanh()),
+        *(nn.Linear(192, FEATURES), nn.BatchNorm1d(FEATURES, affine=False), nn.Tanh()),
     )
 
 

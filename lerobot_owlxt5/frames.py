@@ -10,7 +10,6 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import torch
 from lerobot.datasets.video_utils import decode_video_frames
-from lerobot.utils.import_utils import get_safe_default_video_backend
 from PIL import Image
 from torch import Tensor
 
@@ -24,8 +23,8 @@ TOLERANCE = 1e-4
 def read_episodes(meta: "LeRobotDatasetMetadata", camera: str) -> Iterator[tuple[int, Tensor]]:
     """Read the episodes whose files are on this machine.
 
-    A video is decoded from an episode's first frame to its last; a training batch, which draws its frames at
-    random, would open and search it for each of them.
+    A video is decoded from an episode's first frame to its last, with PyAV, which every LeRobot has; the data
+    loader, which draws frames at random, opens and searches it for each of them.
 
     Args:
         meta: The data set.
@@ -38,14 +37,13 @@ def read_episodes(meta: "LeRobotDatasetMetadata", camera: str) -> Iterator[tuple
 
 
 def _read_videos(meta: "LeRobotDatasetMetadata", camera: str) -> Iterator[tuple[int, Tensor]]:
-    backend = get_safe_default_video_backend()
     for episode in range(meta.total_episodes):
         path = meta.root / meta.get_video_file_path(episode, camera)
         if path.is_file():
             row = meta.episodes[episode]
             start = row[f"videos/{camera}/from_timestamp"]
             times = [start + step / meta.fps for step in range(row["length"])]
-            yield episode, decode_video_frames(path, times, TOLERANCE, backend, return_uint8=True)
+            yield episode, decode_video_frames(path, times, TOLERANCE, "pyav", return_uint8=True)
 
 
 def _read_images(meta: "LeRobotDatasetMetadata", camera: str) -> Iterator[tuple[int, Tensor]]:

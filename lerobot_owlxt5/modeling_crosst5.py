@@ -77,6 +77,8 @@ class CrossT5Policy(CrossmodalPolicy):
         if self.config.stage != EYES_STAGE:
             return super().forward(batch)
         images = resize(at_step(batch[self.config.camera_key], 0, ndim=4))
+        # One frame alone, which an epoch may end with, has no variance to normalise by.
+        self.autoencoder.train(self.training and len(images) > 1)
         loss = mse_loss(self.autoencoder(images), images)
         return loss, {"grey_levels": 255 * loss.item() ** 0.5}
 
