@@ -4,5 +4,5 @@
 LeRobot imports the module that bears the distribution's name (`lerobot_policy_owlxt5`) in every command.
 """
 
-import lerobot_owlxt5  # noqa: F401  registers the policy `owlxt5`
+import lerobot_owlxt5  # noqa: F401  registers the policies `owlxt5` and `crosst5`
 import nico_tabletop.configuration  # noqa: F401  registers the environments `clant` and `claeo`

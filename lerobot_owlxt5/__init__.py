@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The policy OWLxT5 for LeRobot. Importing this package registers `--policy.type=owlxt5`."""
+"""The policies OWLxT5 and CrossT5 for LeRobot: importing this package registers their `--policy.type`."""
 
+from .configuration_crosst5 import CrossT5Config
 from .configuration_owlxt5 import OWLxT5Config
 
-__all__ = ["OWLxT5Config"]
+__all__ = ["CrossT5Config", "OWLxT5Config"]

@@ -141,6 +141,6 @@ def check_episode_lengths(meta: "LeRobotDatasetMetadata", max_episode_steps: int
     longest = int(lengths.argmax())
     if lengths[longest] > max_episode_steps:
         raise ValueError(
-            f"Episode {longest} of {meta.repo_id} has {lengths[longest]} steps, but owlxt5 plans whole "
+            f"Episode {longest} of {meta.repo_id} has {lengths[longest]} steps, but the policy plans whole "
             f"episodes of at most {max_episode_steps}. Set --policy.max_episode_steps={lengths[longest]}."
         )

@@ -34,6 +34,8 @@ HOME = np.array([0, -20, 0, -100, 0, 0, 20, 0, 100, 0], dtype=np.float32)
 SYNONYMS = {"red": "scarlet", "green": "harlequin", "blue": "azure", "cyan": "greenish-blue"}
 SLOT_X = (0.2, 0.5, 0.8)
 HORIZON = 12
+# First and last frame of an episode.
+ENDS = [1 - HORIZON, HORIZON - 1]
 LENGTHS = (6, 9, 12)
 
 
@@ -190,13 +192,15 @@ def observe(tasks: list[str], objects: list[list[str]] | None = None) -> dict[st
     }
 
 
-def load_batch(root: Path, indices: list[int], preprocessor: Any, finished: bool = False) -> dict[str, Any]:
+def load_batch(
+    root: Path, indices: list[int], preprocessor: Any, finished: list[int] | None = None
+) -> dict[str, Any]:
     """Frames of a dataset as lerobot-train hands them over, collated and preprocessed.
 
-    Or, of `finished` episodes, with the windows that `describe` and `repeat_action` look at.
+    Or with these frames (delta indices) and all actions of `finished` episodes, as for `describe`.
     """
     config = OWLxT5Config(max_episode_steps=HORIZON, device="cpu")
-    observation = config.describe_delta_indices if finished else config.observation_delta_indices
+    observation = finished or config.observation_delta_indices
     keys = (EYES, "observation.state", "observation.objects")
     deltas = {key: [step / 10 for step in observation] for key in keys}
     if finished:

@@ -7,7 +7,17 @@ import pytest
 import torch
 from lerobot.datasets import LeRobotDataset
 
-from policy_helpers import EYES, HORIZON, load_batch, make_dataset, make_owlv2, make_policy, make_t5, observe
+from policy_helpers import (
+    ENDS,
+    EYES,
+    HORIZON,
+    load_batch,
+    make_dataset,
+    make_owlv2,
+    make_policy,
+    make_t5,
+    observe,
+)
 
 TASKS = ["push red", "Pull the ball!", "slide-to-left can", "dance wildly"]
 
@@ -103,7 +113,7 @@ def test_describe_asks_for_the_object_that_moved(
     monkeypatch.setattr(
         policy.language, "encode", lambda prompts, device: asked.extend(prompts) or encode(prompts, device)
     )
-    batch = load_batch(dataset.root, [0, 10, 26], lambda batch: batch, finished=True)
+    batch = load_batch(dataset.root, [0, 10, 26], lambda batch: batch, finished=ENDS)
     assert batch[EYES].ndim == 5
     texts = policy.describe(batch)
     assert asked == [f"describe: {task.split()[-1]}" for task in batch["task"]]
@@ -125,7 +135,7 @@ def test_describe_needs_to_know_what_to_look_for(t5: Path) -> None:
 
 def test_repeat_action_and_translate(t5: Path, dataset: LeRobotDataset) -> None:
     policy = make_policy(t5)
-    batch = load_batch(dataset.root, [0, 10], lambda batch: batch, finished=True)
+    batch = load_batch(dataset.root, [0, 10], lambda batch: batch, finished=ENDS)
     assert policy.repeat_action(batch).shape == (2, HORIZON, 10)
     texts = policy.translate(["The Commission met.", "Good morning"], batch)
     assert len(texts) == 2

@@ -18,6 +18,7 @@ from lerobot_owlxt5.episodes import recover_actions
 from lerobot_owlxt5.joint_range import share_joint_range
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 from policy_helpers import (
+    ENDS,
     EYES,
     load_batch,
     make_config,
@@ -196,7 +197,7 @@ def test_any_frame_of_an_episode_teaches_the_same(dataset: LeRobotDataset, t5: P
 def test_the_actions_in_memory_are_those_of_the_dataset(dataset: LeRobotDataset, t5: Path) -> None:
     policy, preprocessor, _ = make(dataset, t5)
     batch = load_batch(dataset.root, FRAMES, preprocessor)
-    finished = load_batch(dataset.root, FRAMES, preprocessor, finished=True)
+    finished = load_batch(dataset.root, FRAMES, preprocessor, finished=ENDS)
     expected, length = recover_actions(finished["action"], finished["action_is_pad"])
     remembered, true_length = policy._actions(batch)
     assert torch.equal(length, true_length)

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The eyes of CrossT5: a channel-separated convolutional autoencoder, 10 features for each colour channel."""
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import interpolate
+
+HEIGHT, WIDTH = 120, 160
+CHANNELS, FEATURES = 3, 10
+# A whole episode at once, at the size of the camera's pictures, would not fit into every memory.
+FRAMES_AT_ONCE = 32
+
+
+class ChannelSeparatedAutoencoder(nn.Module):
+    """One autoencoder for each of red, green and blue, so that colours cannot be mixed up in the features.
+
+    Layers and sizes follow the autoencoder of the paired variational autoencoders (Özdemir et al., "Language
+    Model-Based Paired Variational Autoencoders for Robotic Language Learning", 2022), whose eyes CrossT5 took
+    over. Our decisions are the ReLUs between the fully connected layers; the tanh, which keeps the features
+    in [-1, 1] like the joints, also for pictures unlike the trained ones; and the batch normalisation before
+    it, without which the tanh saturates in the first hundred steps and the features say nothing.
+    """
+
+    dim_output = CHANNELS * FEATURES
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.encoders = nn.ModuleList(_encoder() for _ in range(CHANNELS))
+        self.decoders = nn.ModuleList(_decoder() for _ in range(CHANNELS))
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Reconstruct pictures of the autoencoder's size.
+
+        Args:
+            images: (batch, 3, HEIGHT, WIDTH) in [0, 1].
+
+        Returns:
+            The same shape and range.
+        """
+        features = self.encode(images).chunk(CHANNELS, dim=1)
+        return torch.cat([decode(part) for decode, part in zip(self.decoders, features, strict=True)], dim=1)
+
+    def encode(self, images: Tensor) -> Tensor:
+        """Encode pictures of the autoencoder's size.
+
+        Args:
+            images: (batch, 3, HEIGHT, WIDTH) in [0, 1].
+
+        Returns:
+            (batch, 30) in [-1, 1]: the features of red, then green, then blue.
+        """
+        channels = images.split(1, dim=1)
+        return torch.cat([encode(part) for encode, part in zip(self.encoders, channels, strict=True)], dim=1)
+
+    @torch.no_grad()
+    def look(self, images: Tensor) -> Tensor:
+        """Encode pictures of any size, a few at a time, with eyes that learn no more.
+
+        Args:
+            images: (..., 3, height, width), float in [0, 1] or uint8, on any device.
+
+        Returns:
+            (..., 30), float32, on the autoencoder's device.
+        """
+        self.eval()
+        device = next(self.parameters()).device
+        parts = images.flatten(0, -4).split(FRAMES_AT_ONCE)
+        features = torch.cat([self.encode(resize(part.to(device))).float() for part in parts])
+        return features.unflatten(0, images.shape[:-3])
+
+
+def resize(images: Tensor) -> Tensor:
+    """Bring pictures to the autoencoder's size, whatever their shape, by averaging.
+
+    Args:
+        images: (batch, 3, height, width), float in [0, 1] or uint8.
+
+    Returns:
+        (batch, 3, HEIGHT, WIDTH), float in [0, 1].
+    """
+    images = images / 255 if images.dtype == torch.uint8 else images
+    return interpolate(images, (HEIGHT, WIDTH), mode="area")
+
+
+def _encoder() -> nn.Sequential:
+    """(batch, 1, 120, 160) to (batch, 10)."""
+    return nn.Sequential(
+        *(nn.Conv2d(1, 8, 4, stride=2, padding=1), nn.ReLU()),
+        *(nn.Conv2d(8, 16, 4, stride=2, padding=1), nn.ReLU()),
+        *(nn.Conv2d(16, 32, 4, stride=2, padding=1), nn.ReLU()),
+        *(nn.Conv2d(32, 64, 8, stride=5, padding=2), nn.ReLU()),
+        nn.Flatten(),
+        *(nn.Linear(64 * 3 * 4, 384), nn.ReLU()),
+        *(nn.Linear(384, 192), nn.ReLU()),
+        *(nn.Linear(192, FEATURES), nn.BatchNorm1d(FEATURES, affine=False), nn.Tanh()),
+    )
+
+
+def _decoder() -> nn.Sequential:
+    """(batch, 10) to (batch, 1, 120, 160)."""
+    return nn.Sequential(
+        *(nn.Linear(FEATURES, 192), nn.ReLU()),
+        *(nn.Linear(192, 384), nn.ReLU()),
+        nn.Unflatten(1, (32, 3, 4)),
+        *(nn.ConvTranspose2d(32, 32, 8, stride=5, padding=2, output_padding=1), nn.ReLU()),
+        *(nn.ConvTranspose2d(32, 16, 4, stride=2, padding=1), nn.ReLU()),
+        *(nn.ConvTranspose2d(16, 8, 4, stride=2, padding=1), nn.ReLU()),
+        *(nn.ConvTranspose2d(8, 1, 4, stride=2, padding=1), nn.Sigmoid()),
+    )

@@ -1,0 +1,328 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The baseline CrossT5: its eyes, its two stages, and what it does without a detector."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
+from lerobot.policies.factory import make_policy as lerobot_make_policy
+from lerobot.policies.factory import make_pre_post_processors
+from safetensors.torch import load_file
+
+from commands import run, run_anyway
+from lerobot_owlxt5.autoencoder import HEIGHT, WIDTH, ChannelSeparatedAutoencoder
+from lerobot_owlxt5.configuration_crosst5 import CrossT5Config
+from lerobot_owlxt5.frames import read_episodes
+from lerobot_owlxt5.modeling_crosst5 import CrossT5Policy
+from policy_helpers import EYES, HORIZON, load_batch, make_dataset, make_policy, make_t5, observe
+
+FRAMES = [0, 7, 20, 26]
+WINDOW = list(range(1 - HORIZON, HORIZON))
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
+    return make_dataset(tmp_path_factory.mktemp("dataset") / "data", episodes=3)
+
+
+@pytest.fixture(scope="module")
+def t5(tmp_path_factory: pytest.TempPathFactory, dataset: LeRobotDataset) -> Path:
+    return make_t5(tmp_path_factory.mktemp("t5"), dataset.root)
+
+
+def make_config(t5: Path, **options: Any) -> CrossT5Config:
+    small = {"dim_model": 16, "n_heads": 2, "dim_feedforward": 32, "dim_lstm": 16, "max_text_tokens": 8}
+    common = {"language_model": str(t5), "max_episode_steps": HORIZON, "device": "cpu", "push_to_hub": False}
+    return CrossT5Config(**{**small, **common, **options})
+
+
+@pytest.fixture(scope="module")
+def eyes(tmp_path_factory: pytest.TempPathFactory, dataset: LeRobotDataset) -> Path:
+    """A checkpoint of the first stage, hardly trained; made without any language model."""
+    torch.manual_seed(1)
+    config = CrossT5Config(stage="eyes", device="cpu", language_model="/nowhere", push_to_hub=False)
+    policy = lerobot_make_policy(config, ds_meta=dataset.meta).train()
+    for _ in range(20):
+        policy.forward({EYES: torch.rand(4, 3, 24, 48)})
+    folder = tmp_path_factory.mktemp("eyes") / "pretrained_model"
+    policy.save_pretrained(folder)
+    return folder
+
+
+def make(dataset: LeRobotDataset, t5: Path, eyes: Path, **options: Any) -> tuple[CrossT5Policy, Any]:
+    """Policy and preprocessor as lerobot-train makes them for the second stage."""
+    torch.manual_seed(0)
+    config = make_config(t5, autoencoder=str(eyes), **options)
+    policy = lerobot_make_policy(config, ds_meta=dataset.meta)
+    return policy, make_pre_post_processors(config, dataset_stats=dataset.meta.stats)[0]
+
+
+# Eyes -------------------------------------------------------------------------------------------------------
+
+
+def test_channels_do_not_mix() -> None:
+    torch.manual_seed(0)
+    autoencoder = ChannelSeparatedAutoencoder().eval()
+    images = torch.rand(2, 3, HEIGHT, WIDTH)
+    features = autoencoder.look(images)
+    assert features.shape == (2, 30)
+    images[:, 1] = torch.rand(HEIGHT, WIDTH)
+    changed = (autoencoder.look(images) != features).any(dim=0)
+    assert changed.unflatten(0, (3, 10)).any(dim=1).tolist() == [False, True, False]
+
+
+def test_pictures_of_any_size_and_type_are_seen_alike() -> None:
+    torch.manual_seed(0)
+    autoencoder = ChannelSeparatedAutoencoder()
+    small = torch.randint(0, 256, (2, 40, 3, HEIGHT, WIDTH), dtype=torch.uint8)
+    features = autoencoder.look(small)
+    assert features.shape == (2, 40, 30)
+    large = small[:, :2].repeat_interleave(2, dim=-1).repeat_interleave(2, dim=-2)
+    assert torch.allclose(autoencoder.look(large / 255), features[:, :2], atol=1e-5)
+
+
+def test_reading_all_frames_gives_what_the_data_set_gives(folder: Path, dataset: LeRobotDataset) -> None:
+    """Video and images; the features that training remembers are those that the policy sees in a batch."""
+    for whole in (LeRobotDataset("local/clant", root=folder / "data"), dataset):
+        episodes = dict(read_episodes(whole.meta, EYES))
+        assert list(episodes) == list(range(whole.num_episodes))
+        for episode in (0, whole.num_episodes - 1):
+            row = whole.meta.episodes[episode]
+            assert len(episodes[episode]) == row["length"]
+            for step in (0, row["length"] // 2, row["length"] - 1):
+                item = whole[row["dataset_from_index"] + step]
+                assert torch.allclose(episodes[episode][step] / 255, item[EYES], atol=2 / 255)
+
+
+def test_a_finished_episode_is_seen_as_it_was_remembered(
+    dataset: LeRobotDataset, t5: Path, eyes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    policy, preprocessor = make(dataset, t5, eyes)
+    remembered = policy._remember(load_batch(dataset.root, FRAMES, preprocessor))
+    assert remembered.visual.shape == (4, HORIZON, 30)
+    assert remembered.found.all()
+    batch = load_batch(dataset.root, FRAMES, preprocessor, finished=WINDOW)
+    assert policy.config.describe_delta_indices == WINDOW
+    seen = policy._watch(batch).visual
+    assert torch.allclose(seen, remembered.visual, atol=1e-5)
+    assert not torch.allclose(seen[:, 0], seen[:, 1])
+    first = policy._watch(load_batch(dataset.root, FRAMES, preprocessor)).visual
+    assert torch.allclose(first, seen[:, :1], atol=1e-5)
+
+    def fail(images: torch.Tensor) -> torch.Tensor:
+        raise AssertionError("frames must be encoded once")
+
+    monkeypatch.setattr(policy.autoencoder, "look", fail)
+    policy.train()
+    policy.forward(load_batch(dataset.root, FRAMES, preprocessor))
+
+
+def test_eyes_learn_to_reconstruct_frames(folder: Path) -> None:
+    meta = LeRobotDatasetMetadata("local/clant", root=folder / "data")
+    torch.manual_seed(0)
+    config = CrossT5Config(stage="eyes", eyes_lr=3e-3, device="cpu", push_to_hub=False)
+    policy = lerobot_make_policy(config, ds_meta=meta)
+    frames = torch.cat([frames for _, frames in read_episodes(meta, EYES)])[::60] / 255
+    mean_picture = 255 * frames.std(dim=0, correction=0).square().mean().sqrt().item()
+    optimizer = policy.config.get_optimizer_preset().build(policy.get_optim_params())
+    policy.train()
+    for step in range(150):
+        loss, terms = policy.forward({EYES: frames[step % 2 :: 2]})
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    assert terms["grey_levels"] < 0.7 * mean_picture
+    assert policy.forward({EYES: frames[:1]})[0].isfinite(), "an epoch may end with a single frame"
+
+
+# The second stage -------------------------------------------------------------------------------------------
+
+
+def test_a_checkpoint_holds_core_and_eyes(
+    dataset: LeRobotDataset, t5: Path, eyes: Path, tmp_path: Path
+) -> None:
+    policy, preprocessor = make(dataset, t5, eyes)
+    trained = load_file(eyes / "model.safetensors")
+    before = {key: value.clone() for key, value in policy.state_dict().items() if key in trained}
+    assert before.keys() == trained.keys()
+    assert all(torch.equal(before[key], trained[key]) for key in trained)
+    optimizer = torch.optim.Adam(policy.get_optim_params(), 1e-2)
+    policy.train()
+    policy.forward(load_batch(dataset.root, FRAMES, preprocessor))[0].backward()
+    optimizer.step()
+    for key, value in policy.state_dict().items():
+        assert key not in before or torch.equal(value, before[key]), f"{key} must not learn"
+
+    policy.save_pretrained(tmp_path)
+    stored = {key.split(".")[0] for key in load_file(tmp_path / "model.safetensors")}
+    assert stored == {"core", "autoencoder", "training_seed", "rest_pose"}
+    config = json.loads((tmp_path / "config.json").read_text())
+    (tmp_path / "config.json").write_text(json.dumps(config | {"autoencoder": "/gone"}))
+    loaded = CrossT5Policy.from_pretrained(tmp_path, strict=True)
+    batch = observe(["push red", "pull blue"])
+    assert torch.equal(loaded.predict_action_chunk(batch), policy.predict_action_chunk(batch))
+
+
+def test_only_a_command_that_is_not_known_is_refused(dataset: LeRobotDataset, t5: Path, eyes: Path) -> None:
+    policy, _ = make(dataset, t5, eyes)
+    batch = observe(["push red", "pull the mug", "dance wildly"])
+    plan = policy.predict_action_chunk(batch)
+    assert policy.say() == [
+        "I pushed the red cube.",
+        "I pulled the mug.",
+        "I do not know how to dance wildly.",
+    ]
+    held = (plan == batch["observation.state"][:, None]).all(dim=(1, 2))
+    assert held.tolist() == [False, False, True]
+
+
+def test_the_plan_depends_on_the_picture(dataset: LeRobotDataset, t5: Path, eyes: Path) -> None:
+    policy, _ = make(dataset, t5, eyes)
+    batch = observe(["push red"])
+    plan = policy.predict_action_chunk(batch)
+    batch[EYES] = torch.zeros_like(batch[EYES])
+    assert not torch.allclose(policy.predict_action_chunk(batch), plan)
+
+
+def test_five_modes(dataset: LeRobotDataset, t5: Path, eyes: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    policy, preprocessor = make(dataset, t5, eyes)
+    batch = load_batch(dataset.root, list(range(27)), preprocessor)
+    assert {prompt.split(":")[0] for prompt in policy._make_lessons(batch).prompts} == {
+        *("execute", "describe", "repeat action", "repeat language", "Translate English to German"),
+    }
+    asked: list[str] = []
+    encode = policy.language.encode
+    monkeypatch.setattr(
+        policy.language, "encode", lambda prompts, device: asked.extend(prompts) or encode(prompts, device)
+    )
+    batch = load_batch(dataset.root, [0, 20], preprocessor, finished=WINDOW)
+    answers = [
+        policy.describe(batch),
+        policy.repeat_language(["push red"]),
+        policy.repeat_language(["push red", "pull blue"], batch),
+        policy.translate(["Good morning."]),
+    ]
+    assert [len(texts) for texts in answers] == [2, 1, 2, 1]
+    assert policy.repeat_action(batch).shape == (2, HORIZON, 10)
+    assert asked == [
+        *("describe:", "describe:", "repeat language: push red", "repeat language: push red"),
+        *("repeat language: pull blue", "Translate English to German: Good morning."),
+        *("repeat action:", "repeat action:"),
+    ]
+
+
+# Errors -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"stage": "ears"}, r"--policy\.stage=ears"),
+        ({"stage": "eyes", "autoencoder": "some/where"}, r"--policy\.autoencoder=some/where"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        CrossT5Config(device="cpu", **options)
+
+
+def test_eyes_that_cannot_be_had_are_refused(
+    dataset: LeRobotDataset, t5: Path, eyes: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "empty").mkdir()
+    make(dataset, t5, eyes)[0].save_pretrained(tmp_path / "crossmodal")
+    make_policy(t5).save_pretrained(tmp_path / "owlxt5")
+    with pytest.raises(ValueError, match=r"set --policy\.autoencoder\. .*--policy\.stage=eyes"):
+        lerobot_make_policy(make_config(t5), ds_meta=dataset.meta)
+    for name, reason in (
+        ("empty", "not found"),
+        ("missing", ""),
+        ("crossmodal", "another kind"),
+        ("owlxt5", "another kind"),
+    ):
+        with pytest.raises(OSError, match=rf"--policy\.autoencoder=\S+/{name} .*{reason}.*stage=eyes"):
+            make(dataset, t5, tmp_path / name)
+
+
+# Stock commands ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data set of 12 episodes and a small T5."""
+    folder = tmp_path_factory.mktemp("crosst5")
+    size = ("--height=48", "--width=64", "--workers=1")
+    run("owlxt5-dataset", f"--root={folder / 'data'}", "--arrangements=1", *size)
+    make_t5(folder / "t5", folder / "data")
+    return folder
+
+
+def train(folder: Path, name: str, *arguments: str) -> Path:
+    """Train four steps; the last checkpoint."""
+    run(
+        "lerobot-train",
+        *("--policy.type=crosst5", "--policy.device=cpu", "--policy.push_to_hub=false"),
+        *("--dataset.repo_id=local/clant", f"--dataset.root={folder / 'data'}"),
+        *(
+            "--batch_size=4",
+            "--num_workers=0",
+            "--steps=4",
+            "--save_freq=2",
+            f"--output_dir={folder / name}",
+            *arguments,
+        ),
+    )
+    return folder / name / "checkpoints" / "last" / "pretrained_model"
+
+
+@pytest.fixture(scope="module")
+def trained_eyes(folder: Path) -> Path:
+    return train(folder, "eyes", "--policy.stage=eyes")
+
+
+@pytest.fixture(scope="module")
+def checkpoint(folder: Path, trained_eyes: Path) -> Path:
+    sizes = ("--policy.dim_model=32", "--policy.dim_feedforward=32", "--policy.dim_lstm=16")
+    models = (f"--policy.language_model={folder / 't5'}", f"--policy.autoencoder={trained_eyes}")
+    return train(folder, "crossmodal", *sizes, *models)
+
+
+def evaluate(checkpoint: Path, suite: str, output: Path) -> tuple[str, ...]:
+    """Arguments of lerobot-eval."""
+    return (
+        *(f"--policy.path={checkpoint}", "--policy.device=cpu", f"--env.type={suite}", "--env.task=PUSH-L"),
+        *("--env.observation_height=48", "--env.observation_width=64"),
+        *("--eval.n_episodes=1", "--eval.batch_size=1", f"--output_dir={output}"),
+    )
+
+
+@pytest.mark.parametrize("suite", ["clant", "claeo"])
+def test_a_checkpoint_is_evaluated(folder: Path, checkpoint: Path, suite: str) -> None:
+    output = folder / f"eval_{suite}"
+    run("lerobot-eval", *evaluate(checkpoint, suite, output))
+    info = json.loads((output / "eval_info.json").read_text())
+    assert info["per_group"][suite]["n_episodes"] == 1
+
+
+def test_a_resumed_run_encodes_again_and_ends_with_the_same_weights(
+    folder: Path, trained_eyes: Path, checkpoint: Path
+) -> None:
+    before = load_file(checkpoint / "model.safetensors")
+    assert all(tensor.isfinite().all() for tensor in before.values())
+    for key, tensor in load_file(trained_eyes / "model.safetensors").items():
+        assert torch.equal(tensor, before[key]), key
+    config = folder / "crossmodal" / "checkpoints" / "000002" / "pretrained_model" / "train_config.json"
+    run("lerobot-train", f"--config_path={config}", "--resume=true")
+    after = load_file(checkpoint / "model.safetensors")
+    assert before.keys() == after.keys()
+    for key, tensor in before.items():
+        assert torch.equal(tensor, after[key]), key
+
+
+def test_eyes_alone_cannot_be_evaluated(folder: Path, trained_eyes: Path) -> None:
+    done = run_anyway("lerobot-eval", *evaluate(trained_eyes, "clant", folder / "eval_eyes"))
+    assert done.returncode != 0
+    assert "ValueError: This checkpoint has eyes alone (--policy.stage=eyes)" in done.stdout
