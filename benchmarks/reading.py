@@ -14,6 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import torch
 from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
 from lerobot.datasets.factory import resolve_delta_timestamps
 from rich.console import Console
@@ -22,7 +23,7 @@ from rich.table import Table
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
 
 ITEMS = 100
-STEPS, LOGGED = 60, 20  # the first steps find what the workers have fetched before
+STEPS, LOGGED = 40, 20  # the first steps find what the workers have fetched before
 _T5_SMALL = (
     "--d_model=512",
     "--d_kv=64",
@@ -38,6 +39,7 @@ def _milliseconds_per_item(root: Path) -> float:
     meta = LeRobotDatasetMetadata("local/reading", root=root)
     windows = resolve_delta_timestamps(OWLxT5Config(device="cpu"), meta)
     dataset = LeRobotDataset("local/reading", root=root, delta_timestamps=windows, return_uint8=True)
+    torch.set_num_threads(1)  # as in the loader's workers
     dataset[0]
     began = time.process_time()
     for index in range(ITEMS):
@@ -91,6 +93,7 @@ def main() -> None:
                 f"{share:.0f}",
             )
             table.add_row(root.name, *numbers)
+            print(root.name, *numbers, sep="\t", flush=True)
     Console().print(table)
 
 

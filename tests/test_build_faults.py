@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,8 @@ def demonstrations(count: int = 5) -> list[Demonstration]:
 
 def build(root: Path, acted: Sequence[Demonstration] = (), **options: Any) -> None:
     given = {"keep_failures": True, "height": 48, "width": 64, "video": True, "recipe": {"suite": "claeo"}}
-    build_dataset(acted or demonstrations(), SUITES["claeo"], "local/x", root, **given | options)
+    objects = options.pop("objects", SUITES["claeo"])
+    build_dataset(acted or demonstrations(), objects, "local/x", root, **given | options)
 
 
 @pytest.fixture(scope="module")
@@ -111,6 +113,9 @@ def test_a_half_built_folder_is_no_data_set_and_keeps_to_its_recipe(
         LeRobotDataset("local/x", root=unfinished)
     with pytest.raises(BuildError, match=r"suite was claeo, is now clant.*or delete that folder"):
         build(tmp_path / "data", recipe={"suite": "clant"})
+    other = tuple(replace(item, scale=0.9) for item in SUITES["claeo"])
+    with pytest.raises(BuildError, match="look of the objects was"):
+        build(tmp_path / "data", objects=other)
     with (
         FileLock(unfinished / "lock"),
         pytest.raises(BuildError, match="another process is building"),

@@ -9,6 +9,7 @@ Everything unfinished stands in `<root>.unfinished`, which is no data set to LeR
 """
 
 import contextlib
+import hashlib
 import io
 import json
 import shutil
@@ -105,7 +106,7 @@ def build_dataset(
     with _reporting_interruptions(studio, len(chosen)):
         unfinished.mkdir(parents=True, exist_ok=True)
         with _alone_in(unfinished), Workers(min(workers, len(chosen))) as crew:
-            _check_recipe(unfinished, recipe)
+            _check_recipe(unfinished, {**recipe, "look of the objects": _fingerprint(objects)})
             _make_takes(studio, chosen, crew)
             takes = [read_take(studio.take(index)) for index in range(len(chosen))]
             dataset = _join_takes(takes, repo_id, unfinished / "joined", crew)
@@ -113,6 +114,11 @@ def build_dataset(
             dataset.rename(root)
             shutil.rmtree(unfinished)
     return Counter(take.outcome for take in takes)
+
+
+def _fingerprint(objects: tuple[TabletopObject, ...]) -> str:
+    """A file of objects may change between two runs of the same command."""
+    return hashlib.sha256(repr(objects).encode()).hexdigest()[:12]
 
 
 def _check_recipe(unfinished: Path, recipe: Mapping[str, Any]) -> None:
