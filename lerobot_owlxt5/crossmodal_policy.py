@@ -5,6 +5,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
+import numpy as np
 import torch
 from lerobot.policies.pretrained import PreTrainedPolicy
 from lerobot.utils.constants import ACTION, OBS_STATE
@@ -169,8 +170,8 @@ class CrossmodalPolicy(PreTrainedPolicy):
         device = batch[ACTION].device
         with torch.random.fork_rng([device] if device.type == "cuda" else [], enabled=self.training):
             if self.training:
-                torch.manual_seed(int(self.training_seed))
                 self.training_seed += 1
+                torch.manual_seed(int(self._dice(int(batch["index"].flatten()[0])).integers(2**63)))
             return self._mixed_loss(batch)
 
     def _mixed_loss(self, batch: dict[str, Any]) -> tuple[Tensor, dict[str, float]]:
@@ -193,16 +194,17 @@ class CrossmodalPolicy(PreTrainedPolicy):
             _choose(mode == modes.DESCRIBE, actions[:, -1:].expand_as(actions), _held(pose, actions)),
         )
         summary, language_loss = self._think_in_modes(lessons, view, pose, actions)
-        steps = int(length.max())
-        step = torch.arange(steps, device=pose.device)
+        # What a sample's loss is must not depend on the rest of its batch, nor then on how a batch is split
+        # among GPUs: so always all steps, and below a mean over the data set.
+        step = torch.arange(actions.shape[1], device=pose.device)
         visual = _choose(mode != modes.TRANSLATE, view.visual[:, :1], torch.zeros_like(view.visual[:, :1]))
-        moved, stop_logits = self.core.decoder(summary, visual[:, 0], pose, steps)
+        moved, stop_logits = self.core.decoder(summary, visual[:, 0], pose, len(step))
 
         # LeRobot draws frames, so a long episode comes more often; every episode is to count the same, as in
         # the paper's epochs.
-        share = length.reciprocal() / length.reciprocal().mean()
+        share = self._actions.mean_length / length
         true_step = step < length[:, None]
-        error = (moved - target[:, :steps]).square().mean(dim=-1)
+        error = (moved - target).square().mean(dim=-1)
         joint_loss = share * (error * true_step).sum(dim=1) / length
         # Where a pose is held, there is nothing to wait for: stop from the first step on.
         stopped = (step >= length[:, None] - 1) | ~moves[:, None]
@@ -234,11 +236,13 @@ class CrossmodalPolicy(PreTrainedPolicy):
                 for texts in episodes
             ]
         )
-        chance = torch.rand(len(tasks)) if self.training else modes.spread(batch["index"].flatten().cpu())
-        mode = modes.draw_modes(probabilities, chance)
+        index = batch["index"].flatten().cpu()
+        dice = [self._dice(frame) for frame in index.tolist()]
+        chance = torch.from_numpy(np.array([each.random() for each in dice]))
+        mode = modes.draw_modes(probabilities, chance if self.training else modes.spread(index))
         prompts, answers = [], []
-        for drawn, task, texts in zip(mode.tolist(), tasks, episodes, strict=True):
-            task, wording = self._choose_words(task, texts) if self.training else (task, task)
+        for drawn, task, texts, each in zip(mode.tolist(), tasks, episodes, dice, strict=True):
+            task, wording = self._choose_words(task, texts, each) if self.training else (task, task)
             prompts.append(
                 (
                     modes.execute_prompt(wording),
@@ -252,12 +256,16 @@ class CrossmodalPolicy(PreTrainedPolicy):
             answers.append(spoken(spoken_back.get(drawn, "")))
         return Lessons(mode, prompts, answers)
 
-    def _choose_words(self, task: str, texts: EpisodeTexts) -> tuple[str, str]:
+    def _dice(self, frame: int) -> np.random.Generator:
+        """A frame's own random numbers in this step, wherever in the batch and on whichever GPU it is."""
+        return np.random.default_rng([int(self.training_seed), frame])
+
+    def _choose_words(self, task: str, texts: EpisodeTexts, dice: np.random.Generator) -> tuple[str, str]:
         """Task and wording of it to train with; both with a made-up name, if T5 has names to learn."""
         wordings = texts.wordings or (task,)
-        wording = wordings[int(torch.randint(len(wordings), ()))]
-        if self.config.train_language_model and torch.rand(()) < made_up_names.SHARE:
-            name = made_up_names.draw_name()
+        wording = wordings[dice.integers(len(wordings))]
+        if self.config.train_language_model and dice.random() < made_up_names.SHARE:
+            name = made_up_names.draw_name(dice)
             return made_up_names.rename_object(task, name), made_up_names.rename_object(wording, name)
         return task, wording
 

@@ -24,6 +24,9 @@ class RememberedActions:
     LeRobot's loader would gather a window of 2L - 1 rows for each sample, three quarters of its time, to
     deliver the same few trajectories again and again.
 
+    Attributes:
+        mean_length: True steps of an episode, on average.
+
     Args:
         meta: The data set; the episodes whose data files are on this machine are read.
         max_episode_steps: L; no episode may be longer (`check_episode_lengths`).
@@ -47,6 +50,7 @@ class RememberedActions:
                 lengths.append(int(end - start))
         self._actions = torch.from_numpy(np.stack(actions).astype(np.float32))
         self._length = torch.tensor(lengths)
+        self.mean_length = sum(lengths) / len(lengths)
         self._start = dict(enumerate(meta.episodes["dataset_from_index"]))
 
     def __call__(self, batch: dict[str, Any]) -> tuple[Tensor, Tensor]:

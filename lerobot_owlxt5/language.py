@@ -62,9 +62,15 @@ class SplitT5:
                 if len(self._remembered) + len(new) > MAX_REMEMBERED:
                     self._remembered.clear()
                     new = list(dict.fromkeys(prompts))
-                # A tensor made in inference mode could not take part in a later training step.
-                with torch.inference_mode(False), torch.no_grad():
-                    self._remembered |= zip(new, self._encode(new, device), strict=True)
+                # One by one and in full precision, so that an encoding never depends on which prompts came
+                # along: a resumed run meets them in other company. A tensor made in inference mode could not
+                # take part in a later training step.
+                with (
+                    torch.inference_mode(False),
+                    torch.no_grad(),
+                    torch.autocast(device.type, enabled=False),
+                ):
+                    self._remembered |= {prompt: self._encode([prompt], device)[0] for prompt in new}
             encodings = [self._remembered[prompt].to(device) for prompt in prompts]
         lengths = torch.tensor([len(encoding) for encoding in encodings], device=device)
         padded = pad_sequence(encodings, batch_first=True)

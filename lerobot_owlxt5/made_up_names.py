@@ -8,7 +8,9 @@ model learns to move whatever the name is and to repeat names that it never saw.
 paper.
 """
 
-import torch
+import string
+
+import numpy as np
 
 from .commands import parse_command, plain
 
@@ -19,12 +21,12 @@ _MOST_WORDS = 3
 _SHORTEST_WORD, _LONGEST_WORD = 4, 7
 
 
-def draw_name() -> str:
-    """Draw one to three words of random letters from PyTorch's generator."""
-    lengths = torch.randint(_SHORTEST_WORD, _LONGEST_WORD + 1, (int(torch.randint(1, _MOST_WORDS + 1, ())),))
-    letters = torch.randint(ord("a"), ord("z") + 1, (int(lengths.sum()),)).tolist()
-    characters = iter(map(chr, letters))
-    return " ".join("".join(next(characters) for _ in range(length)) for length in lengths.tolist())
+def draw_name(dice: np.random.Generator) -> str:
+    """Draw one to three words of random letters."""
+    lengths = dice.integers(
+        _SHORTEST_WORD, _LONGEST_WORD, dice.integers(1, _MOST_WORDS, endpoint=True), endpoint=True
+    )
+    return " ".join("".join(dice.choice([*string.ascii_lowercase], length)) for length in lengths)
 
 
 def rename_object(text: str, name: str) -> str:

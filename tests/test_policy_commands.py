@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+import numpy as np
 import pytest
 import torch
 from hypothesis import given
@@ -228,8 +229,7 @@ def test_names_are_said_in_full() -> None:
     st.integers(0, 2**31), st.sampled_from(["push red", "move-up greenish-blue", "slide the cup to the left"])
 )
 def test_a_made_up_name_takes_the_place_of_the_object(seed: int, text: str) -> None:
-    torch.manual_seed(seed)
-    name = made_up_names.draw_name()
+    name = made_up_names.draw_name(np.random.default_rng(seed))
     assert parse_command(made_up_names.rename_object(text, name)) == Command(parse_command(text).verb, name)
     assert made_up_names.rename_object("dance wildly", name) == "dance wildly"
 
