@@ -171,7 +171,8 @@ class CrossmodalPolicy(PreTrainedPolicy):
         with torch.random.fork_rng([device] if device.type == "cuda" else [], enabled=self.training):
             if self.training:
                 self.training_seed += 1
-                torch.manual_seed(int(self._dice(int(batch["index"].flatten()[0])).integers(2**63)))
+                # For dropout; by the first sample, as the parts of a batch on several GPUs are to differ.
+                torch.manual_seed(int(self._dice(batch["index"])[0].integers(2**63)))
             return self._mixed_loss(batch)
 
     def _mixed_loss(self, batch: dict[str, Any]) -> tuple[Tensor, dict[str, float]]:
@@ -236,10 +237,13 @@ class CrossmodalPolicy(PreTrainedPolicy):
                 for texts in episodes
             ]
         )
-        index = batch["index"].flatten().cpu()
-        dice = [self._dice(frame) for frame in index.tolist()]
-        chance = torch.from_numpy(np.array([each.random() for each in dice]))
-        mode = modes.draw_modes(probabilities, chance if self.training else modes.spread(index))
+        dice = self._dice(batch["index"])
+        chance = (
+            torch.tensor([each.random() for each in dice], dtype=torch.float64)
+            if self.training
+            else modes.spread(batch["index"].flatten().cpu())
+        )
+        mode = modes.draw_modes(probabilities, chance)
         prompts, answers = [], []
         for drawn, task, texts, each in zip(mode.tolist(), tasks, episodes, dice, strict=True):
             task, wording = self._choose_words(task, texts, each) if self.training else (task, task)
@@ -256,9 +260,10 @@ class CrossmodalPolicy(PreTrainedPolicy):
             answers.append(spoken(spoken_back.get(drawn, "")))
         return Lessons(mode, prompts, answers)
 
-    def _dice(self, frame: int) -> np.random.Generator:
-        """A frame's own random numbers in this step, wherever in the batch and on whichever GPU it is."""
-        return np.random.default_rng([int(self.training_seed), frame])
+    def _dice(self, index: Tensor) -> list[np.random.Generator]:
+        """Each frame's own random numbers for this step, whatever its place in the batch and its GPU."""
+        seed = int(self.training_seed)
+        return [np.random.default_rng([seed, frame]) for frame in index.flatten().tolist()]
 
     def _choose_words(self, task: str, texts: EpisodeTexts, dice: np.random.Generator) -> tuple[str, str]:
         """Task and wording of it to train with; both with a made-up name, if T5 has names to learn."""

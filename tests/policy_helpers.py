@@ -122,6 +122,13 @@ def make_t5(folder: Path, dataset_root: Path | None = None) -> Path:
     return folder
 
 
+def without_dropout(t5: Path) -> Path:
+    """Take a saved T5's dropout away: masks are drawn for a batch as a whole."""
+    config = t5 / "config.json"
+    config.write_text(json.dumps(json.loads(config.read_text()) | {"dropout_rate": 0.0}))
+    return t5
+
+
 def make_owlv2(folder: Path, **vision: int) -> Path:
     """A tiny OWLv2 with random weights; its tokenizer knows letters alone."""
     letters = [*"abcdefghijklmnopqrstuvwxyz"]

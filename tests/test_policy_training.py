@@ -27,6 +27,7 @@ from policy_helpers import (
     make_policy,
     make_t5,
     observe,
+    without_dropout,
 )
 
 FRAMES = [0, 7, 20, 33, 41, 50]
@@ -94,18 +95,51 @@ def test_a_constant_joint_forgives_a_small_deviation() -> None:
 
 
 def test_episodes_count_alike_though_long_ones_are_drawn_more_often(
-    dataset: LeRobotDataset, t5: Path
+    dataset: LeRobotDataset, t5: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     policy, preprocessor, _ = make(dataset, t5, mode_probabilities={"execute": 1.0})
-    policy.eval()
-    starts = {0: 6, 15: 12}  # first frame of an episode: its length
+    monkeypatch.setattr(
+        policy.core.decoder,
+        "forward",
+        lambda context, visual, pose, steps: (
+            torch.zeros(len(pose), steps, 10),
+            torch.zeros(len(pose), steps),
+        ),
+    )
+    epoch = load_batch(dataset.root, list(range(dataset.num_frames)), preprocessor)
+    episodes = [
+        actions[:length].square().mean().item()
+        for actions, length in zip(policy._actions._actions, policy._actions._length, strict=True)
+    ]
+    assert policy.eval()(epoch)[1]["joint_loss"] == pytest.approx(sum(episodes) / len(episodes), rel=1e-4)
 
-    def joint_loss(frames: list[int]) -> float:
-        return policy.forward(load_batch(dataset.root, frames, preprocessor))[1]["joint_loss"]
 
-    shares = {frame: 1 / length for frame, length in starts.items()}
-    expected = sum(shares[frame] * joint_loss([frame]) for frame in starts) / sum(shares.values())
-    assert joint_loss(list(starts)) == pytest.approx(expected, rel=1e-4)
+@pytest.mark.parametrize("trained_along", [False, True])
+def test_a_batch_teaches_what_its_parts_would_teach(
+    dataset: LeRobotDataset, tmp_path: Path, trained_along: bool
+) -> None:
+    """As on several GPUs, whose gradients are averaged; each mode occurs, and lengths differ."""
+    t5 = without_dropout(make_t5(tmp_path, dataset.root))
+    policy, preprocessor, _ = make(dataset, t5, dropout=0.0, train_language_model=trained_along)
+    policy.train()
+    seed = policy.training_seed.clone()
+
+    def teach(frames: list[int]) -> list[torch.Tensor]:
+        policy.training_seed.copy_(seed)
+        policy.zero_grad()
+        loss, terms = policy.forward(load_batch(dataset.root, frames, preprocessor))
+        loss.backward()
+        gradients = [parameter.grad for parameter in policy.get_optim_params()]
+        return [
+            loss.detach(),
+            *map(torch.tensor, terms.values()),
+            *(g.clone() for g in gradients if g is not None),
+        ]
+
+    frames = torch.randperm(dataset.num_frames, generator=torch.Generator().manual_seed(0)).tolist()
+    whole, *parts = (teach(part) for part in (frames, frames[::2], frames[1::2]))
+    for one, *two in zip(whole, *parts, strict=True):
+        assert torch.allclose(one, sum(two) / 2, atol=1e-5)
 
 
 def test_lessons(dataset: LeRobotDataset, t5: Path) -> None:
@@ -147,7 +181,7 @@ def test_only_a_language_model_that_learns_meets_made_up_names(dataset: LeRobotD
         policy, preprocessor, _ = make(
             dataset, t5, train_language_model=learns, mode_probabilities={"describe": 1.0}
         )
-        batch = load_batch(dataset.root, FRAMES * 5, preprocessor)
+        batch = load_batch(dataset.root, list(range(dataset.num_frames)), preprocessor)
         policy.train()
         lessons = policy._make_lessons(batch)
         true = [f"describe: {task.split()[-1]}" for task in batch["task"]]
