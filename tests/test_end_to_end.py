@@ -2,13 +2,16 @@
 """Stock lerobot-train and lerobot-eval with the plugin, in processes of their own, on a tiny data set."""
 
 import json
+import re
+import shutil
 from pathlib import Path
 
 import pytest
 import torch
 from safetensors.torch import load_file
 
-from commands import run
+from commands import launch, run
+from policy_helpers import without_dropout
 
 TRAIN = (
     "--config_path=configs/demo_train.yaml",
@@ -84,6 +87,37 @@ def test_a_resumed_run_ends_with_the_same_weights(folder: Path, checkpoints: Pat
     assert before.keys() == after.keys()
     for key, tensor in before.items():
         assert torch.equal(tensor, after[key]), key
+
+
+# Of a T5 that is trained along the dropout is off too: masks are drawn for a batch as a whole.
+ALL_MODES = '--policy.mode_probabilities={"execute":0.3,"describe":0.3,"repeat_action":0.2,"translate":0.2}'
+
+
+def curve(output: str) -> list[dict[str, float]]:
+    """What lerobot-train logged at each step."""
+    lines = re.findall(r"step:\d+ .*", output)
+    return [{key: float(value) for key, value in re.findall(r"(\w+):([\d.]+)\b", line)} for line in lines]
+
+
+@pytest.mark.parametrize("trained_along", ["false", "true"])
+def test_two_processes_learn_what_one_learns_from_the_doubled_batch(folder: Path, trained_along: str):
+    t5 = without_dropout(shutil.copytree(folder / "t5", folder / f"t5_{trained_along}"))
+    options = (
+        *(*TRAIN, f"--dataset.root={folder / 'data'}", f"--policy.language_model={t5}", "--steps=6"),
+        *(f"--policy.train_language_model={trained_along}", ALL_MODES, "--log_freq=1"),
+    )
+    one, two = folder / f"one_{trained_along}", folder / f"two_{trained_along}"
+    expected = curve(run("lerobot-train", *options, "--batch_size=8", f"--output_dir={one}"))
+    log = launch("lerobot-train", *options, f"--output_dir={two}", until="End of training")
+    assert "Effective batch size: 4 x 2 = 8" in log
+    got = curve(log)
+    assert len(got) == len(expected) == 6
+    for ours, theirs in zip(got, expected, strict=True):
+        for key in ("loss", "grdn", "joint_loss", "language_loss", "stop_loss"):
+            assert ours[key] == pytest.approx(theirs[key], abs=2e-3), key  # three decimals are logged
+    first, second = (weights(output / "checkpoints" / "last") for output in (one, two))
+    for key, tensor in first.items():
+        assert torch.allclose(tensor.float(), second[key].float(), atol=1e-4), key
 
 
 def test_another_policy_trains_on_the_same_data(folder: Path):

@@ -78,6 +78,19 @@ def test_a_prompt_is_encoded_once(t5: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert encoded[3:] == ["a", "e"], "a full memory begins anew"
 
 
+def test_a_remembered_encoding_is_the_same_in_any_company(t5: Path) -> None:
+    """Else a resumed run, which begins with an empty memory, would not equal an unbroken one."""
+    prompts = [
+        "execute: push red",
+        "describe: azure",
+        "Translate English to German: Good morning, all of you.",
+    ]
+    together = SplitT5(str(t5)).encode(prompts, CPU)
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        for prompt, encoding, mask in zip(prompts, *together, strict=True):
+            assert torch.equal(SplitT5(str(t5)).encode([prompt], CPU)[0][0], encoding[mask])
+
+
 def test_a_backbone_that_cannot_be_loaded_is_named(
     t5: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
