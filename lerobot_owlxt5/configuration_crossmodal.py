@@ -2,6 +2,7 @@
 """What the configurations of OWLxT5 and CrossT5 have in common."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from lerobot.configs import FeatureType, NormalizationMode, PolicyFeature, PreTrainedConfig
 from lerobot.optim import AdamConfig
@@ -123,10 +124,29 @@ class CrossmodalConfig(PreTrainedConfig):
             raise ValueError(
                 f"{self.type} commands joint positions, so '{OBS_STATE}' {state.shape} and '{ACTION}' "
                 f"{action.shape} must be of one size. Choose a dataset whose action is the next position of "
-                "the same joints."
+                "the same joints, and for a checkpoint one of the same robot."
             )
         camera = self._choose_camera()
         self.input_features = {key: inputs[key] for key in (camera, OBS_STATE) if key is not None}
+
+    def check_dataset(self, features: dict[str, Any]) -> None:
+        """Check that a dataset has what the policy reads: a checkpoint may go on with another one.
+
+        Args:
+            features: Of the dataset, as in its `meta/info.json`.
+
+        Raises:
+            ValueError: If it has other joints, or the policy needs a camera and it has none.
+        """
+        size = self.action_feature.shape
+        for key in (OBS_STATE, ACTION):
+            if key in features and tuple(features[key]["shape"]) != size:
+                raise ValueError(
+                    f"The policy was made for {size[0]} joints, but '{key}' of the dataset has the shape "
+                    f"{tuple(features[key]['shape'])}. Choose a dataset of the same robot."
+                )
+        if not self.can_be_blind and not any(ft["dtype"] in ("image", "video") for ft in features.values()):
+            raise ValueError(f"{self.type} looks through '{self.camera_key}', but the dataset has no camera.")
 
     @property
     def camera_key(self) -> str:

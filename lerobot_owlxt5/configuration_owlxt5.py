@@ -2,12 +2,18 @@
 """Configuration of the policy OWLxT5."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from lerobot.configs import PreTrainedConfig
 
 from .configuration_crossmodal import CrossmodalConfig
 
 GROUND_TRUTH = "ground_truth"
+OBS_OBJECTS = "observation.objects"
+NO_OBJECTS = (
+    f"--policy.detector={GROUND_TRUTH} reads the simulator's boxes from '{OBS_OBJECTS}', which this dataset "
+    "or environment does not provide. Name an OWLv2 with --policy.detector."
+)
 
 
 @PreTrainedConfig.register_subclass("owlxt5")
@@ -26,6 +32,12 @@ class OWLxT5Config(CrossmodalConfig):
     detector: str = "google/owlv2-base-patch16"
     detector_revision: str | None = None
     score_threshold: float = 0.1
+
+    def check_dataset(self, features: dict[str, Any]) -> None:
+        """Check that a dataset has what the policy reads: see `CrossmodalConfig`."""
+        super().check_dataset(features)
+        if self.detector == GROUND_TRUTH and OBS_OBJECTS not in features:
+            raise ValueError(NO_OBJECTS)
 
     @property
     def can_be_blind(self) -> bool:

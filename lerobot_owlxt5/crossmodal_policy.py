@@ -97,6 +97,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
         self._texts: dict[int, EpisodeTexts] = {}
         self._actions: RememberedActions | None = None
         if dataset_meta is not None:
+            config.check_dataset(dataset_meta.features)
             check_episode_lengths(dataset_meta, config.max_episode_steps)
             self._actions = RememberedActions(dataset_meta, config.max_episode_steps)
             self._texts = read_texts(dataset_meta)
@@ -105,6 +106,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
         self.language = SplitT5(
             config.language_model, config.language_model_revision, frozen=not config.train_language_model
         )
+        config.language_model_revision = self.language.revision
         if config.train_language_model:
             self.language_model = self.language.model
         n_joints = config.action_feature.shape[0]
@@ -144,6 +146,11 @@ class CrossmodalPolicy(PreTrainedPolicy):
     def get_optim_params(self) -> list[nn.Parameter]:
         """All parameters that learn: the core, and T5 if it is trained along."""
         return [parameter for parameter in self.parameters() if parameter.requires_grad]
+
+    def _get_default_peft_targets(self) -> dict[str, Any]:
+        """Adapt all linear layers, and T5's queries and values if it is trained along; LoRA knows no LSTM."""
+        core = r"core\.(crossmodal\.(queries\.0|keys|feedforward\.[03])|fc|decoder\.(initial|joints|stop))"
+        return {"target_modules": rf"{core}|language_model\..*\.[qv]", "modules_to_save": []}
 
     def reset(self) -> None:
         """Forget the plan: a new episode begins."""
@@ -337,8 +344,13 @@ class CrossmodalPolicy(PreTrainedPolicy):
 
         Returns:
             (batch, L, joints), scaled to [-1, 1].
+
+        Raises:
+            ValueError: If a joint's position is not finite: then there is not even a pose to hold.
+            FloatingPointError: If the plan is not finite.
         """
         self.eval()
+        _check_state(batch[OBS_STATE])
         tasks: list[str] = batch["task"]
         commands = [parse_command(task) for task in tasks]
         view = self._watch(batch)
@@ -437,6 +449,11 @@ class CrossmodalPolicy(PreTrainedPolicy):
         actions, stop_logits = self.core.decoder(
             thought.summary, visual[:, 0], joints[:, 0], self.config.max_episode_steps
         )
+        if not actions.isfinite().all():
+            raise FloatingPointError(
+                "The planned movement is not finite, so nothing moves. Either the observation is not finite, "
+                "or the checkpoint's weights are not, because its training diverged: load an earlier one."
+            )
         return hold_after_stop(actions, stop_logits)
 
     def _speak(self, prompts: Sequence[str], visual: Tensor, joints: Tensor) -> list[str]:
@@ -468,6 +485,16 @@ def _change_loss(change: Tensor, mask: Tensor) -> Tensor:
     """Translate: mean((l_enc + FC(h) - l_enc)^2) over true tokens, (batch,): T5's own encoding is to stay."""
     weight = mask.unsqueeze(-1)
     return (change.square() * weight).sum(dim=(1, 2)) / (weight.sum(dim=(1, 2)) * change.shape[-1])
+
+
+def _check_state(state: Tensor) -> None:
+    """Stop a robot that does not know where its joints are; state is (batch, ..., joints)."""
+    bad = (~state.isfinite()).nonzero()
+    if len(bad):
+        raise ValueError(
+            f"'{OBS_STATE}' of environment {int(bad[0, 0])} is not finite at joint {int(bad[0, -1])} (both "
+            "counted from 0), so there is no safe action. Check the robot's sensors."
+        )
 
 
 def _check_finite(loss: Tensor, batch: dict[str, Any]) -> None:

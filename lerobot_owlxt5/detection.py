@@ -9,11 +9,10 @@ from torch import Tensor
 from transformers import Owlv2ForObjectDetection, Owlv2Processor
 
 from .commands import object_name, plain
-from .configuration_owlxt5 import GROUND_TRUTH, OWLxT5Config
+from .configuration_owlxt5 import GROUND_TRUTH, NO_OBJECTS, OBS_OBJECTS, OWLxT5Config
 from .episodes import at_step
 from .pretrained import load_pretrained
 
-OBS_OBJECTS = "observation.objects"
 # Per object: a box of 4 numbers and its name as 24 bytes.
 OBJECT_NUMBERS, BOX_NUMBERS = 28, 4
 # OWLv2 looks at 3600 patches of an image: a whole training batch at once would not fit into memory.
@@ -47,10 +46,14 @@ class Detector(Protocol):
 
 
 def make_detector(config: OWLxT5Config) -> Detector:
-    """Make the detector that the configuration names."""
+    """Make the detector that the configuration names, and note there which of the Hub's commits it is."""
     if config.detector == GROUND_TRUTH:
         return GroundTruthDetector()
-    return Owlv2Detector(config.detector, config.detector_revision, config.score_threshold, config.camera_key)
+    detector = Owlv2Detector(
+        config.detector, config.detector_revision, config.score_threshold, config.camera_key
+    )
+    config.detector_revision = detector.model.config._commit_hash
+    return detector
 
 
 class GroundTruthDetector:
@@ -59,10 +62,7 @@ class GroundTruthDetector:
     def __call__(self, batch: dict[str, Any], names: Sequence[Sequence[str]], step: int = 0) -> Detections:
         """Detect: see `Detector`."""
         if OBS_OBJECTS not in batch:
-            raise ValueError(
-                f"--policy.detector={GROUND_TRUTH} reads the simulator's boxes from '{OBS_OBJECTS}', which "
-                "this dataset or environment does not provide. Name an OWLv2 with --policy.detector."
-            )
+            raise ValueError(NO_OBJECTS)
         objects = at_step(batch[OBS_OBJECTS], step, ndim=2).unflatten(1, (-1, OBJECT_NUMBERS)).float()
         boxes = objects[..., :BOX_NUMBERS]
         centres = (boxes[..., :2] + boxes[..., 2:]) / 2

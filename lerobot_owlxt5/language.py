@@ -44,6 +44,11 @@ class SplitT5:
         self._remembered: dict[str, Tensor] = {}
 
     @property
+    def revision(self) -> str | None:
+        """The Hub's commit that was loaded; None for a folder."""
+        return self.model.config._commit_hash
+
+    @property
     def dim(self) -> int:
         """Width of the encoding."""
         return self.model.config.d_model

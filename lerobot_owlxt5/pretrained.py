@@ -26,5 +26,5 @@ def load_pretrained(
         reason = str(error).strip().splitlines()[0]
         raise OSError(
             f"{flag}={name} (revision {revision or 'main'}) cannot be loaded: {reason} "
-            f"Check the name and the network, or give {alternatives}."
+            f"Check the name, the revision and the network, or give {alternatives}."
         ) from error

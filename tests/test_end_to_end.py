@@ -120,6 +120,42 @@ def test_two_processes_learn_what_one_learns_from_the_doubled_batch(folder: Path
         assert torch.allclose(tensor.float(), second[key].float(), atol=1e-4), key
 
 
+def test_adapters_are_trained_and_evaluated(folder: Path, checkpoints: Path):
+    pytest.importorskip("peft")
+    output = folder / "adapted"
+    checkpoint = checkpoints / "000010" / "pretrained_model"
+    run(
+        "lerobot-train",
+        *(f"--policy.path={checkpoint}", "--policy.push_to_hub=false", "--peft.method_type=LORA"),
+        *("--dataset.repo_id=local/clant", f"--dataset.root={folder / 'data'}", f"--output_dir={output}"),
+        *("--batch_size=2", "--num_workers=0", "--steps=2"),
+    )
+    adapted = output / "checkpoints" / "last" / "pretrained_model"
+    adapters = load_file(adapted / "adapter_model.safetensors")
+    assert any(".decoder.joints." in key for key in adapters)
+    assert any(".language_model." in key for key in adapters)
+    assert any(tensor.any() for key, tensor in adapters.items() if "lora_B" in key)
+    run(
+        "lerobot-eval",
+        *(f"--policy.path={adapted}", "--policy.device=cpu", "--env.type=clant", "--env.task=PUSH-L"),
+        *("--env.observation_height=48", "--env.observation_width=64", "--eval.n_episodes=1"),
+        *("--eval.batch_size=1", f"--output_dir={folder / 'eval_adapted'}"),
+    )
+
+
+def test_bf16_trains_and_acts(folder: Path):
+    last = train(folder, "bf16", "--policy.use_amp=true") / "last"
+    assert all(
+        tensor.dtype != torch.bfloat16 and tensor.isfinite().all() for tensor in weights(last).values()
+    )
+    run(
+        "lerobot-eval",
+        *(f"--policy.path={last / 'pretrained_model'}", "--policy.device=cpu", "--env.type=clant"),
+        *("--env.observation_height=48", "--env.observation_width=64", "--eval.n_episodes=1"),
+        *("--eval.batch_size=1", "--env.task=PUSH-L", f"--output_dir={folder / 'eval_bf16'}"),
+    )
+
+
 def test_another_policy_trains_on_the_same_data(folder: Path):
     output = folder / "act"
     run(

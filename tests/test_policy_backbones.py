@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
+import json
+import shutil
 from pathlib import Path
 
 import pytest
 import torch
+from lerobot.configs import PreTrainedConfig
 from torch.nn.functional import cross_entropy
 from transformers import AutoModelForSeq2SeqLM, AutoTokenizer
 
 from lerobot_owlxt5 import backbones
 from lerobot_owlxt5.detection import Owlv2Detector
 from lerobot_owlxt5.language import SplitT5
+from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 from policy_helpers import EYES, make_config, make_dataset, make_owlv2, make_policy, make_t5, observe
 
 CPU = torch.device("cpu")
@@ -124,3 +128,48 @@ def test_models_of_the_real_sizes_run(tmp_path: Path) -> None:
     assert detector(batch, [["red"]]).centre.shape == (1, 1, 2)
     language = SplitT5(str(tmp_path / "t5"))
     assert language.encode(["execute: push red"], CPU)[0].shape[2] == 512
+
+
+def cache(folder: Path, name: str, model: Path, commit: str) -> None:
+    """Lay a model into a folder as the Hub's client lays it into its cache."""
+    place = folder / f"models--{name.replace('/', '--')}"
+    shutil.copytree(model, place / "snapshots" / commit)
+    (place / "refs").mkdir(exist_ok=True)
+    (place / "refs" / "main").write_text(commit)
+
+
+def test_a_checkpoint_names_the_commits_of_its_backbones(
+    t5: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_OFFLINE", True)
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path / "cache"))
+    owlv2 = make_owlv2(tmp_path / "owlv2")
+    cache(tmp_path / "cache", "some/t5", t5, "1" * 40)
+    cache(tmp_path / "cache", "some/owlv2", owlv2, "2" * 40)
+    policy = make_policy(Path("some/t5"), detector="some/owlv2")
+    policy.save_pretrained(tmp_path / "checkpoint")
+    config = json.loads((tmp_path / "checkpoint" / "config.json").read_text())
+    assert (config["language_model"], config["language_model_revision"]) == ("some/t5", "1" * 40)
+    assert (config["detector"], config["detector_revision"]) == ("some/owlv2", "2" * 40)
+
+    # The main branch goes on; the checkpoint does not.
+    cache(tmp_path / "cache", "some/t5", make_t5(tmp_path / "t5"), "3" * 40)
+    batch = observe(["push red"])
+    loaded = OWLxT5Policy.from_pretrained(tmp_path / "checkpoint")
+    assert torch.equal(loaded.predict_action_chunk(batch), policy.predict_action_chunk(batch))
+
+    # On another machine: without them, and with one in a folder.
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path / "empty"))
+    with pytest.raises(OSError, match=rf"--policy\.language_model=some/t5 \(revision {'1' * 40}\)"):
+        OWLxT5Policy.from_pretrained(tmp_path / "checkpoint")
+    there = [f"--language_model={t5}", f"--detector={owlv2}"]
+    with pytest.raises(OSError, match=rf"--policy\.detector=some/owlv2 \(revision {'2' * 40}\)"):
+        load(tmp_path / "checkpoint", there[:1])
+    moved = load(tmp_path / "checkpoint", there)
+    assert torch.equal(moved.predict_action_chunk(batch), policy.predict_action_chunk(batch))
+
+
+def load(checkpoint: Path, overrides: list[str]) -> OWLxT5Policy:
+    """Load a checkpoint as `--policy.path` does, with options that follow it."""
+    config = PreTrainedConfig.from_pretrained(checkpoint, cli_overrides=overrides)
+    return OWLxT5Policy.from_pretrained(checkpoint, config=config)

@@ -5,8 +5,12 @@ from pathlib import Path
 
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from lerobot.datasets import LeRobotDataset
+from lerobot.policies.factory import make_pre_post_processors
 
+from lerobot_owlxt5.joint_range import share_joint_range
 from policy_helpers import (
     ENDS,
     EYES,
@@ -86,6 +90,44 @@ def test_a_joint_outside_the_trained_range_is_no_trouble(t5: Path) -> None:
     batch["observation.state"] *= 1e6
     plan = make_policy(t5).predict_action_chunk(batch)
     assert plan.abs().max() <= 1
+
+
+@given(data=st.data())
+@settings(max_examples=25, deadline=None)
+def test_an_action_is_within_what_its_joint_was_trained_on(
+    t5: Path, dataset: LeRobotDataset, data: st.DataObject
+) -> None:
+    """And so within the joint's limits, wherever the robot and the objects are."""
+    any_number = st.floats(-1e9, 1e9, width=32)
+    state, boxes = (data.draw(st.lists(any_number, min_size=n, max_size=n)) for n in (10, 12))
+    policy = make_policy(t5)
+    preprocess, postprocess = make_pre_post_processors(policy.config, dataset_stats=dataset.meta.stats)
+    batch = observe(["push red"])
+    batch["observation.state"] = torch.tensor([state])
+    batch["observation.objects"].unflatten(1, (3, 28))[..., :4] = torch.tensor(boxes).view(3, 4)
+    plan = postprocess(policy.predict_action_chunk(preprocess(batch)))
+    trained = share_joint_range(dataset.meta.stats)["action"]
+    assert plan.isfinite().all()
+    assert (plan.numpy() >= trained["min"] - 1e-3).all()
+    assert (plan.numpy() <= trained["max"] + 1e-3).all()
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf")])
+def test_a_robot_without_a_pose_does_not_act(t5: Path, number: float) -> None:
+    policy = make_policy(t5)
+    batch = observe(TASKS)
+    batch["observation.state"][2, 7] = number
+    with pytest.raises(ValueError, match="environment 2 is not finite at joint 7"):
+        policy.select_action(batch)
+
+
+def test_a_diverged_checkpoint_does_not_act(t5: Path) -> None:
+    policy = make_policy(t5)
+    with torch.no_grad():
+        policy.core.fc.weight.fill_(float("nan"))
+        policy.core.decoder.initial.weight.fill_(float("nan"))
+    with pytest.raises(FloatingPointError, match="load an earlier one"):
+        policy.select_action(observe(TASKS))
 
 
 def test_the_plan_depends_on_where_the_object_is(t5: Path) -> None:

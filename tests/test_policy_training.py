@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The policy on a data set: features, normalisation, lessons, loss, checkpoints."""
 
+import copy
 from pathlib import Path
 from typing import Any
 
@@ -327,6 +328,33 @@ def test_a_loss_that_is_no_number_names_its_episode(dataset: LeRobotDataset, t5:
 def test_an_episode_that_is_too_long_is_refused(dataset: LeRobotDataset, t5: Path) -> None:
     with pytest.raises(ValueError, match=r"--policy\.max_episode_steps=12"):
         make(dataset, t5, max_episode_steps=11)
+
+
+@pytest.mark.parametrize(
+    ("detector", "changes", "message"),
+    [
+        (
+            "ground_truth",
+            {"observation.state": (7,)},
+            r"made for 10 joints, but 'observation\.state' .* \(7,\)",
+        ),
+        ("ground_truth", {"action": (7,), "observation.state": (7,)}, "must be of one size"),
+        ("ground_truth", {"observation.objects": None}, "Name an OWLv2 with --policy.detector"),
+        ("some/owlv2", {EYES: None}, f"looks through '{EYES}', but the dataset has no camera"),
+    ],
+)
+def test_a_checkpoint_refuses_a_dataset_of_another_robot(
+    dataset: LeRobotDataset, t5: Path, detector: str, changes: dict[str, Any], message: str
+) -> None:
+    meta = copy.deepcopy(dataset.meta)
+    for key, shape in changes.items():
+        if shape is None:
+            del meta.features[key]
+        else:
+            meta.features[key]["shape"] = shape
+    config = make_config(t5, detector=detector)  # with the features that it was trained with
+    with pytest.raises(ValueError, match=message):
+        lerobot_make_policy(config, ds_meta=meta)
 
 
 @pytest.mark.parametrize(
