@@ -16,9 +16,7 @@ class ChannelSeparatedAutoencoder(nn.Module):
 
     Layers and sizes follow the autoencoder of the paired variational autoencoders (Özdemir et al., "Language
     Model-Based Paired Variational Autoencoders for Robotic Language Learning", 2022), whose eyes CrossT5 took
-    over. Our decisions are the ReLUs between the fully connected layers; the tanh, which keeps the features
-    in [-1, 1] like the joints, also for pictures unlike the trained ones; and the batch normalisation before
-    it, without which the tanh saturates in the first hundred steps and the features say nothing.
+    over. The ReLUs between the fully connected layers are our decision.
     """
 
     dim_output = CHANNELS * FEATURES
@@ -47,14 +45,14 @@ class ChannelSeparatedAutoencoder(nn.Module):
             images: (batch, 3, HEIGHT, WIDTH) in [0, 1].
 
         Returns:
-            (batch, 30) in [-1, 1]: the features of red, then green, then blue.
+            (batch, 30), not bounded: the features of red, then green, then blue.
         """
         channels = images.split(1, dim=1)
         return torch.cat([encode(part) for encode, part in zip(self.encoders, channels, strict=True)], dim=1)
 
     @torch.no_grad()
     def look(self, images: Tensor) -> Tensor:
-        """Encode pictures of any size, a few at a time, with eyes that learn no more.
+        """Encode pictures of any size, a few at a time.
 
         Args:
             images: (..., 3, height, width), float in [0, 1] or uint8, on any device.
@@ -62,7 +60,6 @@ class ChannelSeparatedAutoencoder(nn.Module):
         Returns:
             (..., 30), float32, on the autoencoder's device.
         """
-        self.eval()
         device = next(self.parameters()).device
         parts = images.flatten(0, -4).split(FRAMES_AT_ONCE)
         features = torch.cat([self.encode(resize(part.to(device))).float() for part in parts])
@@ -92,7 +89,7 @@ def _encoder() -> nn.Sequential:
         nn.Flatten(),
         *(nn.Linear(64 * 3 * 4, 384), nn.ReLU()),
         *(nn.Linear(384, 192), nn.ReLU()),
-        *(nn.Linear(192, FEATURES), nn.BatchNorm1d(FEATURES, affine=False), nn.Tanh()),
+        nn.Linear(192, FEATURES),
     )
 
 
