@@ -16,7 +16,7 @@ class ChannelSeparatedAutoencoder(nn.Module):
 
     Layers and sizes follow the autoencoder of the paired variational autoencoders (Özdemir et al., "Language
     Model-Based Paired Variational Autoencoders for Robotic Language Learning", 2022), whose eyes CrossT5 took
-    over. The ReLUs between the fully connected layers are our decision.
+    over. The ReLUs between the fully connected layers and the initial weights are our decisions.
     """
 
     dim_output = CHANNELS * FEATURES
@@ -82,13 +82,13 @@ def resize(images: Tensor) -> Tensor:
 def _encoder() -> nn.Sequential:
     """(batch, 1, 120, 160) to (batch, 10)."""
     return nn.Sequential(
-        *(nn.Conv2d(1, 8, 4, stride=2, padding=1), nn.ReLU()),
-        *(nn.Conv2d(8, 16, 4, stride=2, padding=1), nn.ReLU()),
-        *(nn.Conv2d(16, 32, 4, stride=2, padding=1), nn.ReLU()),
-        *(nn.Conv2d(32, 64, 8, stride=5, padding=2), nn.ReLU()),
+        *_rectified(nn.Conv2d(1, 8, 4, stride=2, padding=1)),
+        *_rectified(nn.Conv2d(8, 16, 4, stride=2, padding=1)),
+        *_rectified(nn.Conv2d(16, 32, 4, stride=2, padding=1)),
+        *_rectified(nn.Conv2d(32, 64, 8, stride=5, padding=2)),
         nn.Flatten(),
-        *(nn.Linear(64 * 3 * 4, 384), nn.ReLU()),
-        *(nn.Linear(384, 192), nn.ReLU()),
+        *_rectified(nn.Linear(64 * 3 * 4, 384)),
+        *_rectified(nn.Linear(384, 192)),
         nn.Linear(192, FEATURES),
     )
 
@@ -96,11 +96,27 @@ def _encoder() -> nn.Sequential:
 def _decoder() -> nn.Sequential:
     """(batch, 10) to (batch, 1, 120, 160)."""
     return nn.Sequential(
-        *(nn.Linear(FEATURES, 192), nn.ReLU()),
-        *(nn.Linear(192, 384), nn.ReLU()),
+        *_rectified(nn.Linear(FEATURES, 192)),
+        *_rectified(nn.Linear(192, 384)),
         nn.Unflatten(1, (32, 3, 4)),
-        *(nn.ConvTranspose2d(32, 32, 8, stride=5, padding=2, output_padding=1), nn.ReLU()),
-        *(nn.ConvTranspose2d(32, 16, 4, stride=2, padding=1), nn.ReLU()),
-        *(nn.ConvTranspose2d(16, 8, 4, stride=2, padding=1), nn.ReLU()),
-        *(nn.ConvTranspose2d(8, 1, 4, stride=2, padding=1), nn.Sigmoid()),
+        *_rectified(nn.ConvTranspose2d(32, 32, 8, stride=5, padding=2, output_padding=1)),
+        *_rectified(nn.ConvTranspose2d(32, 16, 4, stride=2, padding=1)),
+        *_rectified(nn.ConvTranspose2d(16, 8, 4, stride=2, padding=1)),
+        nn.ConvTranspose2d(8, 1, 4, stride=2, padding=1),
+        nn.Sigmoid(),
     )
+
+
+def _rectified(layer: nn.Linear | nn.Conv2d | nn.ConvTranspose2d) -> tuple[nn.Module, nn.ReLU]:
+    """A layer and its ReLU, initialised so that what tells pictures apart keeps its size (He et al., 2015).
+
+    PyTorch's own weights shrink it in each layer, and a colour can stay unseen for hundreds of steps.
+    """
+    inputs = layer.weight[0].numel()
+    if isinstance(layer, nn.ConvTranspose2d):
+        # A pixel of the output sees all channels, but only so many of the kernel's weights.
+        inputs = layer.weight[:, 0].numel() // (layer.stride[0] * layer.stride[1])
+    nn.init.normal_(layer.weight, std=(2 / inputs) ** 0.5)
+    if layer.bias is not None:
+        nn.init.zeros_(layer.bias)
+    return layer, nn.ReLU()
