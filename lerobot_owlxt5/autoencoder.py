@@ -16,9 +16,7 @@ class ChannelSeparatedAutoencoder(nn.Module):
 
     Layers and sizes follow the autoencoder of the paired variational autoencoders (Özdemir et al., "Language
     Model-Based Paired Variational Autoencoders for Robotic Language Learning", 2022), whose eyes CrossT5 took
-    over. Our decisions are the ReLUs between the fully connected layers; the tanh, which keeps the features
-    in [-1, 1] like the joints, also for pictures unlike the trained ones; and the batch normalisation before
-    it, without which the tanh saturates in the first hundred steps and the features say nothing.
+    over. The ReLUs between the fully connected layers and the initial weights are our decisions.
     """
 
     dim_output = CHANNELS * FEATURES
@@ -47,14 +45,14 @@ class ChannelSeparatedAutoencoder(nn.Module):
             images: (batch, 3, HEIGHT, WIDTH) in [0, 1].
 
         Returns:
-            (batch, 30) in [-1, 1]: the features of red, then green, then blue.
+            (batch, 30), not bounded: the features of red, then green, then blue.
         """
         channels = images.split(1, dim=1)
         return torch.cat([encode(part) for encode, part in zip(self.encoders, channels, strict=True)], dim=1)
 
     @torch.no_grad()
     def look(self, images: Tensor) -> Tensor:
-        """Encode pictures of any size, a few at a time, with eyes that learn no more.
+        """Encode pictures of any size, a few at a time.
 
         Args:
             images: (..., 3, height, width), float in [0, 1] or uint8, on any device.
@@ -62,7 +60,6 @@ class ChannelSeparatedAutoencoder(nn.Module):
         Returns:
             (..., 30), float32, on the autoencoder's device.
         """
-        self.eval()
         device = next(self.parameters()).device
         parts = images.flatten(0, -4).split(FRAMES_AT_ONCE)
         features = torch.cat([self.encode(resize(part.to(device))).float() for part in parts])
@@ -85,25 +82,41 @@ def resize(images: Tensor) -> Tensor:
 def _encoder() -> nn.Sequential:
     """(batch, 1, 120, 160) to (batch, 10)."""
     return nn.Sequential(
-        *(nn.Conv2d(1, 8, 4, stride=2, padding=1), nn.ReLU()),
-        *(nn.Conv2d(8, 16, 4, stride=2, padding=1), nn.ReLU()),
-        *(nn.Conv2d(16, 32, 4, stride=2, padding=1), nn.ReLU()),
-        *(nn.Conv2d(32, 64, 8, stride=5, padding=2), nn.ReLU()),
+        *_rectified(nn.Conv2d(1, 8, 4, stride=2, padding=1)),
+        *_rectified(nn.Conv2d(8, 16, 4, stride=2, padding=1)),
+        *_rectified(nn.Conv2d(16, 32, 4, stride=2, padding=1)),
+        *_rectified(nn.Conv2d(32, 64, 8, stride=5, padding=2)),
         nn.Flatten(),
-        *(nn.Linear(64 * 3 * 4, 384), nn.ReLU()),
-        *(nn.Linear(384, 192), nn.ReLU()),
-        *(nn.Linear(192, FEATURES), nn.BatchNorm1d(FEATURES, affine=False), nn.Tanh()),
+        *_rectified(nn.Linear(64 * 3 * 4, 384)),
+        *_rectified(nn.Linear(384, 192)),
+        nn.Linear(192, FEATURES),
     )
 
 
 def _decoder() -> nn.Sequential:
     """(batch, 10) to (batch, 1, 120, 160)."""
     return nn.Sequential(
-        *(nn.Linear(FEATURES, 192), nn.ReLU()),
-        *(nn.Linear(192, 384), nn.ReLU()),
+        *_rectified(nn.Linear(FEATURES, 192)),
+        *_rectified(nn.Linear(192, 384)),
         nn.Unflatten(1, (32, 3, 4)),
-        *(nn.ConvTranspose2d(32, 32, 8, stride=5, padding=2, output_padding=1), nn.ReLU()),
-        *(nn.ConvTranspose2d(32, 16, 4, stride=2, padding=1), nn.ReLU()),
-        *(nn.ConvTranspose2d(16, 8, 4, stride=2, padding=1), nn.ReLU()),
-        *(nn.ConvTranspose2d(8, 1, 4, stride=2, padding=1), nn.Sigmoid()),
+        *_rectified(nn.ConvTranspose2d(32, 32, 8, stride=5, padding=2, output_padding=1)),
+        *_rectified(nn.ConvTranspose2d(32, 16, 4, stride=2, padding=1)),
+        *_rectified(nn.ConvTranspose2d(16, 8, 4, stride=2, padding=1)),
+        nn.ConvTranspose2d(8, 1, 4, stride=2, padding=1),
+        nn.Sigmoid(),
     )
+
+
+def _rectified(layer: nn.Linear | nn.Conv2d | nn.ConvTranspose2d) -> tuple[nn.Module, nn.ReLU]:
+    """A layer and its ReLU, initialised so that what tells pictures apart keeps its size (He et al., 2015).
+
+    PyTorch's own weights shrink it in each layer, and a colour can stay unseen for hundreds of steps.
+    """
+    inputs = layer.weight[0].numel()
+    if isinstance(layer, nn.ConvTranspose2d):
+        # A pixel of the output sees all channels, but only so many of the kernel's weights.
+        inputs = layer.weight[:, 0].numel() // (layer.stride[0] * layer.stride[1])
+    nn.init.normal_(layer.weight, std=(2 / inputs) ** 0.5)
+    if layer.bias is not None:
+        nn.init.zeros_(layer.bias)
+    return layer, nn.ReLU()

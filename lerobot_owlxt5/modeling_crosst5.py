@@ -22,6 +22,8 @@ from .frames import read_episodes
 if TYPE_CHECKING:
     from lerobot.datasets import LeRobotDatasetMetadata
 
+# A feature that varies less than this is not blown up.
+SMALLEST_RANGE = 1e-6
 _GIVE_A_CHECKPOINT = (
     "Give the folder pretrained_model, or the Hub id, of a training with "
     f"--policy.type=crosst5 --policy.stage={EYES_STAGE}."
@@ -38,6 +40,8 @@ class CrossT5Policy(CrossmodalPolicy):
     name = "crosst5"
     dim_visual = ChannelSeparatedAutoencoder.dim_output
     config: CrossT5Config
+    lowest: Tensor
+    highest: Tensor
 
     def __init__(
         self,
@@ -60,6 +64,9 @@ class CrossT5Policy(CrossmodalPolicy):
         self.autoencoder = ChannelSeparatedAutoencoder()
         if config.stage != EYES_STAGE:
             self.autoencoder.requires_grad_(False)
+            # What the features of all frames of the training data lie between.
+            self.register_buffer("lowest", -torch.ones(self.dim_visual))
+            self.register_buffer("highest", torch.ones(self.dim_visual))
             # The weights of a policy that goes on, or does not train, come from its own checkpoint.
             if dataset_meta is not None and config.pretrained_path is None:
                 self.autoencoder.load_state_dict(_load_eyes(config.autoencoder).state_dict())
@@ -77,8 +84,6 @@ class CrossT5Policy(CrossmodalPolicy):
         if self.config.stage != EYES_STAGE:
             return super().forward(batch)
         images = resize(at_step(batch[self.config.camera_key], 0, ndim=4))
-        # One frame alone, which an epoch may end with, has no variance to normalise by.
-        self.autoencoder.train(self.training and len(images) > 1)
         loss = mse_loss(self.autoencoder(images), images)
         return loss, {"grey_levels": 255 * loss.item() ** 0.5}
 
@@ -94,18 +99,19 @@ class CrossT5Policy(CrossmodalPolicy):
         visual = self.autoencoder.look(images if images.ndim == 5 else images[:, None])
         if visual.shape[1] > 1:
             visual, _ = recover_actions(visual, batch[f"{camera}_is_pad"])
-        return _view(visual)
+        return self._view(visual)
 
     def _remember(self, batch: dict[str, Any]) -> View:
         if not self._episodes:
             self._episodes = self._encode_dataset()
         episodes = batch["episode_index"].flatten().tolist()
-        return _view(torch.stack([self._episodes[episode] for episode in episodes]))
+        return self._view(torch.stack([self._episodes[episode] for episode in episodes]))
 
     def _encode_dataset(self) -> dict[int, Tensor]:
         """Encode each frame of the training data once: (L, 30) by episode, the last frame held.
 
-        This waits for the first batch, when the weights are loaded and on their device.
+        This waits for the first batch, when the weights are loaded and on their device. Like the joints'
+        range, the features' range is that of the data on which the policy is trained last.
         """
         if self._dataset_meta is None:
             raise ValueError("crosst5 trains on a LeRobotDataset: pass its metadata as `dataset_meta`.")
@@ -116,10 +122,19 @@ class CrossT5Policy(CrossmodalPolicy):
             unit="episode",
         )
         steps = torch.arange(self.config.max_episode_steps)
-        return {
+        features = {
             episode: self.autoencoder.look(frames)[steps.clamp(max=len(frames) - 1)]
             for episode, frames in episodes
         }
+        self.lowest = torch.stack([episode.amin(dim=0) for episode in features.values()]).amin(dim=0)
+        self.highest = torch.stack([episode.amax(dim=0) for episode in features.values()]).amax(dim=0)
+        return features
+
+    def _view(self, features: Tensor) -> View:
+        """Scale features to [-1, 1], like the joints; there is no object that could be missed."""
+        half = ((self.highest - self.lowest) / 2).clamp(min=SMALLEST_RANGE)
+        visual = (features - (self.highest + self.lowest) / 2) / half
+        return View(visual, torch.ones(len(visual), dtype=torch.bool, device=visual.device))
 
     # Modes --------------------------------------------------------------------------------------------------
 
@@ -145,10 +160,6 @@ class CrossT5Policy(CrossmodalPolicy):
         """
         visual = None if batch is None else self._watch(batch).visual[:, :1]
         return self._answer([modes.repeat_language_prompt(text) for text in texts], visual, batch)
-
-
-def _view(visual: Tensor) -> View:
-    return View(visual, torch.ones(len(visual), dtype=torch.bool, device=visual.device))
 
 
 def _load_eyes(name: str | None) -> ChannelSeparatedAutoencoder:
