@@ -24,17 +24,18 @@ COLOURS |= {"scarlet", "harlequin", "azure", "blonde", "greenish blue", "purple"
 # What a verb may mean; where that is more than one action, a direction has to choose.
 VERB_PHRASES = _by_phrase(
     {
-        ("push",): "push, shove, nudge, move up, move forward, move away",
-        ("pull",): "pull, drag, draw, move down",
+        ("push",): "push, shove, thrust, nudge, move up, move forward, move away",
+        ("pull",): "pull, drag, tug, draw, move down",
         ("slide-to-left",): "slide to left, move sideways to left",
         ("slide-to-right",): "slide to right, move sideways to right",
-        ("slide-to-left", "slide-to-right"): "slide, sweep, move sideways",
+        ("slide-to-left", "slide-to-right"): "slide, glide, sweep, move sideways",
         tuple(ACTIONS): "move, shift",
     }
 )
 GERUNDS = {
-    **{"pushing": "push", "shoving": "shove", "nudging": "nudge", "pulling": "pull", "dragging": "drag"},
-    **{"drawing": "draw", "sliding": "slide", "sweeping": "sweep", "moving": "move", "shifting": "shift"},
+    **{"pushing": "push", "shoving": "shove", "thrusting": "thrust", "nudging": "nudge"},
+    **{"pulling": "pull", "dragging": "drag", "tugging": "tug", "drawing": "draw"},
+    **{"sliding": "slide", "gliding": "glide", "sweeping": "sweep", "moving": "move", "shifting": "shift"},
 }
 VERB_WORDS = {*GERUNDS, *GERUNDS.values()}
 
