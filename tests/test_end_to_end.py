@@ -121,7 +121,6 @@ def test_two_processes_learn_what_one_learns_from_the_doubled_batch(folder: Path
 
 
 def test_adapters_are_trained_and_evaluated(folder: Path, checkpoints: Path):
-    pytest.importorskip("peft")
     output = folder / "adapted"
     checkpoint = checkpoints / "000010" / "pretrained_model"
     run(
