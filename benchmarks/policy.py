@@ -98,6 +98,7 @@ def main() -> None:
     optimizer = torch.optim.Adam(policy.get_optim_params(), lr=1e-5)
 
     def train(dtype: torch.dtype) -> None:
+        policy.training_seed.zero_()  # the same modes and prompts each time, which T5 has encoded by then
         for batch in batches:
             with torch.autocast(device, dtype, enabled=dtype is not torch.float32):
                 loss, _ = policy.forward(batch)
