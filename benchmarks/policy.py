@@ -149,7 +149,7 @@ def main() -> None:
 
     @torch.no_grad()
     def detect() -> None:
-        model(pixel_values=picture.to(device), input_ids=query)
+        model(pixel_values=picture.to(device), input_ids=query, attention_mask=query)
 
     detect()
     console.print(f"OWLv2-base, forward: {_seconds(detect, device, 3):.2f} s an image")
