@@ -19,6 +19,7 @@ import torch
 from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
 from lerobot.datasets.factory import resolve_delta_timestamps
 from lerobot.policies.factory import make_policy, make_pre_post_processors
+from lerobot.utils.collate import lerobot_collate_fn
 from rich.console import Console
 from rich.table import Table
 from torch import Tensor
@@ -49,12 +50,7 @@ def _batches(root: Path, config: OWLxT5Config, preprocessor: Any) -> list[dict[s
     dataset = LeRobotDataset("local/speed", root=root, delta_timestamps=windows, video_backend="pyav")
     generator = torch.Generator().manual_seed(0)
     chosen = torch.randint(len(dataset), (BATCHES * BATCH_SIZE,), generator=generator).tolist()
-
-    def collate(items: list[dict[str, Any]]) -> dict[str, Any]:
-        kept = [{key: item[key] for key in item if not key.startswith("language_")} for item in items]
-        return torch.utils.data.default_collate(kept)
-
-    loader = DataLoader(Subset(dataset, chosen), BATCH_SIZE, collate_fn=collate)
+    loader = DataLoader(Subset(dataset, chosen), BATCH_SIZE, collate_fn=lerobot_collate_fn)
     return [preprocessor(batch) for batch in loader]
 
 
@@ -141,15 +137,14 @@ def main() -> None:
     later = _seconds(lambda: policy.select_action(one), device, 50)
     console.print(f"select_action: first {1000 * first:.1f} ms, later {1000 * later:.3f} ms")
 
-    model = (
-        Owlv2ForObjectDetection(Owlv2Config()).to(device).eval()
-    )  # base, 16 pixels a patch; random weights
-    picture = torch.rand(1, 3, 960, 960)
+    # The base model, which looks at 960 pixels in patches of 16; random weights.
+    model = Owlv2ForObjectDetection(Owlv2Config(vision_config={"image_size": 960})).to(device).eval()
+    picture = torch.rand(1, 3, 960, 960, device=device)
     query = torch.ones(1, 16, dtype=torch.long, device=device)
 
     @torch.no_grad()
     def detect() -> None:
-        model(pixel_values=picture.to(device), input_ids=query, attention_mask=query)
+        model(pixel_values=picture, input_ids=query, attention_mask=query)
 
     detect()
     console.print(f"OWLv2-base, forward: {_seconds(detect, device, 3):.2f} s an image")

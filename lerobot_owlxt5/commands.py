@@ -7,7 +7,7 @@ What does not fit is refused with a sentence that says why: our decision is neve
 """
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -69,6 +69,11 @@ def parse_command(text: str) -> Command:
     """
     verb, found = _parse(_words(text))
     return Command(verb, found) if verb else Command(None, plain(text), refusal=found)
+
+
+def named_objects(tasks: Iterable[str]) -> list[str]:
+    """The objects that tasks name, each once, in the order of the tasks."""
+    return list(dict.fromkeys(parse_command(task).object for task in tasks))
 
 
 def _parse(words: list[str]) -> tuple[str | None, str]:

@@ -35,6 +35,8 @@ STOP_LOSS_WEIGHT = 0.1
 # In execute and translate the action encoder reads the first pose, repeated (paper, section 3): for a second.
 # More steps of the same say nothing new and cost as much as a movement (our decision).
 STILL_STEPS = 10
+NOTHING_MOVED = "nothing moved"
+"""What `describe` answers when there is nothing to describe."""
 
 
 class Lessons(NamedTuple):
@@ -179,7 +181,8 @@ class CrossmodalPolicy(PreTrainedPolicy):
             if self.training:
                 self.training_seed += 1
                 # For dropout; by the first sample, as the parts of a batch on several GPUs are to differ.
-                torch.manual_seed(int(self._dice(batch["index"])[0].integers(2**63)))
+                [dice] = self._dice(batch["index"].flatten()[:1])
+                torch.manual_seed(int(dice.integers(2**63)))
             return self._mixed_loss(batch)
 
     def _mixed_loss(self, batch: dict[str, Any]) -> tuple[Tensor, dict[str, float]]:
@@ -201,11 +204,11 @@ class CrossmodalPolicy(PreTrainedPolicy):
             actions,
             _choose(mode == modes.DESCRIBE, actions[:, -1:].expand_as(actions), _held(pose, actions)),
         )
-        summary, language_loss = self._think_in_modes(lessons, view, pose, actions)
+        visual = _choose(mode != modes.TRANSLATE, view.visual, torch.zeros_like(view.visual))
+        summary, language_loss = self._think_in_modes(lessons, visual, pose, actions)
         # What a sample's loss is must not depend on the rest of its batch, nor then on how a batch is split
         # among GPUs: so always all steps, and below a mean over the data set.
         step = torch.arange(actions.shape[1], device=pose.device)
-        visual = _choose(mode != modes.TRANSLATE, view.visual[:, :1], torch.zeros_like(view.visual[:, :1]))
         moved, stop_logits = self.core.decoder(summary, visual[:, 0], pose, len(step))
 
         # LeRobot draws frames, so a long episode comes more often; every episode is to count the same, as in
@@ -282,7 +285,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
         return task, wording
 
     def _think_in_modes(
-        self, lessons: Lessons, view: View, pose: Tensor, actions: Tensor
+        self, lessons: Lessons, visual: Tensor, pose: Tensor, actions: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Summary (batch, dim_model) and language loss (batch,) of all samples.
 
@@ -296,14 +299,12 @@ class CrossmodalPolicy(PreTrainedPolicy):
                 continue
             prompts, texts = ([of[i] for i in samples.tolist()] for of in (lessons.prompts, lessons.texts))
             encoding, mask = self.language.encode(prompts, pose.device)
-            visual, first_pose = view.visual[samples], pose[samples]
+            seen, first_pose = visual[samples], pose[samples]
             if mode in (modes.DESCRIBE, modes.REPEAT_ACTION):
                 joints = positions_before(first_pose, actions[samples])
             else:
-                visual, joints = visual[:, :1], _still(first_pose)
-            if mode == modes.TRANSLATE:
-                visual = torch.zeros_like(visual)
-            thought = self.core.think(encoding, mask, visual, joints)
+                seen, joints = seen[:, :1], _still(first_pose)
+            thought = self.core.think(encoding, mask, seen, joints)
             summaries.append(thought.summary)
             losses.append(
                 _change_loss(thought.change, mask)
@@ -396,7 +397,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
             labels: Names of the objects that may have been moved; by default those of the training tasks.
 
         Returns:
-            One description per sample, or "nothing moved".
+            One description per sample, or `NOTHING_MOVED`.
         """
 
     @torch.no_grad()
@@ -410,10 +411,9 @@ class CrossmodalPolicy(PreTrainedPolicy):
             (batch, L, joints), scaled to [-1, 1] and held after the stop output.
         """
         self.eval()
-        actions, _ = recover_actions(batch[ACTION], batch["action_is_pad"])
-        pose = self._first_pose(batch)
-        prompts = [modes.repeat_action_prompt()] * len(pose)
-        return self._move(prompts, self._watch(batch).visual, positions_before(pose, actions))
+        joints = self._recorded_joints(batch)
+        prompts = [modes.repeat_action_prompt()] * len(joints)
+        return self._move(prompts, self._watch(batch).visual, joints)
 
     @torch.no_grad()
     def translate(self, sentences: Sequence[str], batch: dict[str, Any] | None = None) -> list[str]:
@@ -460,6 +460,11 @@ class CrossmodalPolicy(PreTrainedPolicy):
         """A text for each prompt."""
         thought, encoding, mask = self._think(prompts, visual, joints)
         return self.language.generate(encoding + thought.change, mask, self.config.max_text_tokens)
+
+    def _recorded_joints(self, batch: dict[str, Any]) -> Tensor:
+        """Joints at each step of finished episodes, (batch, L, joints)."""
+        actions, _ = recover_actions(batch[ACTION], batch["action_is_pad"])
+        return positions_before(self._first_pose(batch), actions)
 
     def _first_pose(self, batch: dict[str, Any]) -> Tensor:
         """Scaled joints at the first step, (batch, joints); they may lie just outside the trained range."""

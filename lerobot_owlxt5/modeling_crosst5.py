@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import torch
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies.pretrained import PreTrainedPolicy
-from lerobot.utils.constants import ACTION
 from torch import Tensor
 from torch.nn.functional import mse_loss
 from tqdm import tqdm
@@ -16,7 +15,7 @@ from . import modes
 from .autoencoder import ChannelSeparatedAutoencoder, resize
 from .configuration_crosst5 import EYES_STAGE, CrossT5Config
 from .crossmodal_policy import CrossmodalPolicy, View
-from .episodes import at_step, positions_before, recover_actions
+from .episodes import at_step, recover_actions
 from .frames import read_episodes
 
 if TYPE_CHECKING:
@@ -146,8 +145,7 @@ class CrossT5Policy(CrossmodalPolicy):
         """Say what was done: see `CrossmodalPolicy`. The labels have no use here."""
         self.eval()
         visual = self._watch(batch).visual
-        actions, _ = recover_actions(batch[ACTION], batch["action_is_pad"])
-        joints = positions_before(self._first_pose(batch), actions)
+        joints = self._recorded_joints(batch)
         return self._speak([modes.describe_prompt()] * len(joints), visual, joints)
 
     @torch.no_grad()

@@ -5,14 +5,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import torch
-from lerobot.utils.constants import ACTION
 
 from . import modes
-from .commands import parse_command
+from .commands import named_objects, parse_command
 from .configuration_owlxt5 import OWLxT5Config
-from .crossmodal_policy import CrossmodalPolicy, View
+from .crossmodal_policy import NOTHING_MOVED, CrossmodalPolicy, View
 from .detection import Detections, RememberedDetections, make_detector
-from .episodes import positions_before, recover_actions
 
 # An object whose centre moved less than this share of the image has not moved: the detector's noise.
 DETECTION_NOISE = 0.02
@@ -50,9 +48,8 @@ class OWLxT5Policy(CrossmodalPolicy):
         """
         self.eval()
         names = list(labels) if labels is not None else self._trained_objects()
-        actions, _ = recover_actions(batch[ACTION], batch["action_is_pad"])
-        pose = self._first_pose(batch)
-        asked = [names] * len(pose)
+        joints = self._recorded_joints(batch)
+        asked = [names] * len(joints)
         before, after = self.detector(batch, asked, step=0), self.detector(batch, asked, step=-1)
         seen = (before.score > 0) & (after.score > 0)
         distance, moved = torch.where(seen, (after.centre - before.centre).norm(dim=-1), 0.0).max(dim=1)
@@ -60,14 +57,14 @@ class OWLxT5Policy(CrossmodalPolicy):
         centre = before.centre.gather(1, moved[:, None, None].expand(-1, -1, 2))
         view = _view(Detections(centre, has_moved[:, None].float()))
         prompts = [modes.describe_prompt(names[index]) for index in moved.tolist()]
-        texts = self._speak(prompts, view.visual, positions_before(pose, actions))
+        texts = self._speak(prompts, view.visual, joints)
         return [
-            text if any_moved else "nothing moved"
+            text if any_moved else NOTHING_MOVED
             for text, any_moved in zip(texts, has_moved.tolist(), strict=True)
         ]
 
     def _trained_objects(self) -> list[str]:
-        names = list(dict.fromkeys(parse_command(task).object for task in self.config.tasks or []))
+        names = named_objects(self.config.tasks or [])
         if not names:
             raise ValueError("The policy was not trained, so it knows no objects to look for: pass `labels`.")
         return names

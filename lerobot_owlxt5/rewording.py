@@ -6,17 +6,12 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from .annotations import EpisodeTexts
-from .commands import object_name, parse_command, spoken
+from .command_words import ACTIONS
+from .commands import VERBS, object_name, parse_command, spoken
 
 COMMAND_KINDS = ("synonyms", "polite", "typos")
 LABEL_KINDS = ("synonyms", "full names", "typos")
 
-_PLAIN = {
-    "push": "push the {}",
-    "pull": "pull the {}",
-    "slide-to-left": "slide the {} to the left",
-    "slide-to-right": "slide the {} to the right",
-}
 _SYNONYMS = {
     "push": ("shove the {}", "thrust the {}", "nudge the {} forward"),
     "pull": ("drag the {}", "tug the {}", "draw the {} closer"),
@@ -47,16 +42,16 @@ def reword_command(text: str, kind: str, rng: np.random.Generator) -> str:
         ValueError: If the verb is not known.
     """
     command = parse_command(text)
-    if command.verb not in _PLAIN:
+    if command.verb is None:
         raise ValueError(
-            f"--robustness rewords commands with the verbs {', '.join(_PLAIN)}, and the task {text!r} has "
+            f"--robustness rewords commands with the verbs {', '.join(VERBS)}, and the task {text!r} has "
             "none of them. Evaluate this data set without --robustness."
         )
     name = object_name(command.object)
     if kind == "synonyms":
         return str(rng.choice(_SYNONYMS[command.verb])).format(name)
     if kind == "polite":
-        return str(rng.choice(_POLITE)).format(_PLAIN[command.verb].format(name))
+        return str(rng.choice(_POLITE)).format(ACTIONS[command.verb][0].format(f"the {name}"))
     text = spoken(text)
     return misspell(text, {text.split()[0], *command.object.split()}, rng)
 

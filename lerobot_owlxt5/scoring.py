@@ -18,7 +18,8 @@ from tqdm import tqdm
 
 from . import metrics, modes
 from .annotations import EpisodeTexts, read_texts
-from .commands import parse_command, plain, spoken
+from .commands import named_objects, parse_command, plain, spoken
+from .crossmodal_policy import NOTHING_MOVED
 from .episodes import recover_actions
 from .made_up_names import rename_object
 from .report import Row
@@ -26,7 +27,6 @@ from .rewording import COMMAND_KINDS, LABEL_KINDS, reword_command, reword_labels
 
 MODES = ("execute", "repeat action", "describe", "repeat language", "translate", "T5 alone")
 AS_TRAINED = "data set"
-NOTHING_MOVED = "nothing moved"
 
 type Processor = PolicyProcessorPipeline[Any, Any]
 
@@ -113,7 +113,7 @@ def score_policy(
         seed: Seed of these words.
     """
     texts = read_texts(dataset.meta)
-    names = list(dict.fromkeys(parse_command(task).object for task in dataset.meta.tasks.index))
+    names = named_objects(dataset.meta.tasks.index)
     labels = {AS_TRAINED: dict(zip(names, names, strict=True))}
     # Only a detector looks for labels: to other eyes it makes no difference how they are worded.
     for kind in LABEL_KINDS if robustness and hasattr(policy.config, "detector") else ():
