@@ -347,11 +347,12 @@ class CrossmodalPolicy(PreTrainedPolicy):
             (batch, L, joints), scaled to [-1, 1].
 
         Raises:
-            ValueError: If a joint's position is not finite: then there is not even a pose to hold.
+            ValueError: If there are other joints than in training, or a joint's position is not finite: then
+                there is not even a pose to hold.
             FloatingPointError: If the plan is not finite.
         """
         self.eval()
-        _check_state(batch[OBS_STATE])
+        _check_state(batch[OBS_STATE], self.config.action_feature.shape[0])
         tasks: list[str] = batch["task"]
         commands = [parse_command(task) for task in tasks]
         view = self._watch(batch)
@@ -492,8 +493,13 @@ def _change_loss(change: Tensor, mask: Tensor) -> Tensor:
     return (change.square() * weight).sum(dim=(1, 2)) / (weight.sum(dim=(1, 2)) * change.shape[-1])
 
 
-def _check_state(state: Tensor) -> None:
-    """Stop a robot that does not know where its joints are; state is (batch, ..., joints)."""
+def _check_state(state: Tensor, joints: int) -> None:
+    """Stop a robot that has other joints, or does not know where they are; state is (batch, ..., joints)."""
+    if state.shape[-1] != joints:
+        raise ValueError(
+            f"'{OBS_STATE}' has {state.shape[-1]} numbers, and the policy was trained on {joints} joints: "
+            "this environment or robot is another one than that of the training data."
+        )
     bad = (~state.isfinite()).nonzero()
     if len(bad):
         raise ValueError(

@@ -88,11 +88,7 @@ class CrossT5Policy(CrossmodalPolicy):
 
     def _watch(self, batch: dict[str, Any]) -> View:
         """Features of one frame, or of an episode's frames: (batch, 1 or L, 30)."""
-        if self.config.stage == EYES_STAGE:
-            raise ValueError(
-                f"This checkpoint has eyes alone (--policy.stage={EYES_STAGE}) and cannot act or speak. "
-                "Train the rest with --policy.type=crosst5 --policy.autoencoder=<this checkpoint>."
-            )
+        self._check_whole()
         camera = self.config.camera_key
         images = batch[camera]
         visual = self.autoencoder.look(images if images.ndim == 5 else images[:, None])
@@ -129,6 +125,13 @@ class CrossT5Policy(CrossmodalPolicy):
         self.highest = torch.stack([episode.amax(dim=0) for episode in features.values()]).amax(dim=0)
         return features
 
+    def _check_whole(self) -> None:
+        if self.config.stage == EYES_STAGE:
+            raise ValueError(
+                f"This checkpoint has eyes alone (--policy.stage={EYES_STAGE}) and cannot act or speak. "
+                "Train the rest with --policy.type=crosst5 --policy.autoencoder=<this checkpoint>."
+            )
+
     def _view(self, features: Tensor) -> View:
         """Scale features to [-1, 1], like the joints; there is no object that could be missed."""
         half = ((self.highest - self.lowest) / 2).clamp(min=SMALLEST_RANGE)
@@ -158,6 +161,12 @@ class CrossT5Policy(CrossmodalPolicy):
         """
         visual = None if batch is None else self._watch(batch).visual[:, :1]
         return self._answer([modes.repeat_language_prompt(text) for text in texts], visual, batch)
+
+    def _answer(
+        self, prompts: Sequence[str], visual: Tensor | None, batch: dict[str, Any] | None
+    ) -> list[str]:
+        self._check_whole()
+        return super()._answer(prompts, visual, batch)
 
 
 def _load_eyes(name: str | None) -> ChannelSeparatedAutoencoder:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
+    from lerobot.datasets import LeRobotDataset
+
     from clant_claeo.release import Release
 
 CLANT_DIR = "OWLXT5_CLANT_DIR"
@@ -38,3 +40,19 @@ def clant_release(clant_dir: Path) -> Release:
     from clant_claeo.release import read_release  # imports mujoco: after MUJOCO_GL is set
 
     return read_release(clant_dir)
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
+    """A data set of three short episodes; a module that changes it hurts no other."""
+    from policy_helpers import make_dataset  # imports huggingface_hub: after HF_HUB_OFFLINE is set
+
+    return make_dataset(tmp_path_factory.mktemp("dataset") / "data", episodes=3)
+
+
+@pytest.fixture(scope="module")
+def t5(tmp_path_factory: pytest.TempPathFactory, dataset: LeRobotDataset) -> Path:
+    """A tiny T5 whose tokenizer fits the data set."""
+    from policy_helpers import make_t5
+
+    return make_t5(tmp_path_factory.mktemp("t5"), dataset.root)

@@ -157,11 +157,10 @@ def make_owlv2(folder: Path, **vision: int) -> Path:
     return folder
 
 
-def make_config(language_model: Path, **options: Any) -> OWLxT5Config:
-    """A tiny policy configuration with CLANT's features."""
-    small = {
+def small_options(language_model: Path) -> dict[str, Any]:
+    """Options of a tiny policy of either kind."""
+    return {
         "language_model": str(language_model),
-        "detector": "ground_truth",
         "max_episode_steps": HORIZON,
         "dim_model": 16,
         "n_heads": 2,
@@ -171,7 +170,11 @@ def make_config(language_model: Path, **options: Any) -> OWLxT5Config:
         "device": "cpu",
         "push_to_hub": False,
     }
-    config = OWLxT5Config(**{**small, **options})
+
+
+def make_config(language_model: Path, **options: Any) -> OWLxT5Config:
+    """A tiny policy configuration with CLANT's features."""
+    config = OWLxT5Config(**{"detector": "ground_truth", **small_options(language_model), **options})
     config.input_features = {
         EYES: PolicyFeature(FeatureType.VISUAL, (3, 24, 48)),
         "observation.state": PolicyFeature(FeatureType.STATE, (10,)),

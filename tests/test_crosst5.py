@@ -17,26 +17,14 @@ from lerobot_owlxt5.autoencoder import HEIGHT, WIDTH, ChannelSeparatedAutoencode
 from lerobot_owlxt5.configuration_crosst5 import CrossT5Config
 from lerobot_owlxt5.frames import read_episodes
 from lerobot_owlxt5.modeling_crosst5 import CrossT5Policy
-from policy_helpers import EYES, HORIZON, load_batch, make_dataset, make_policy, make_t5, observe
+from policy_helpers import EYES, HORIZON, load_batch, make_policy, make_t5, observe, small_options
 
 FRAMES = [0, 7, 20, 26]
 WINDOW = list(range(1 - HORIZON, HORIZON))
 
 
-@pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
-    return make_dataset(tmp_path_factory.mktemp("dataset") / "data", episodes=3)
-
-
-@pytest.fixture(scope="module")
-def t5(tmp_path_factory: pytest.TempPathFactory, dataset: LeRobotDataset) -> Path:
-    return make_t5(tmp_path_factory.mktemp("t5"), dataset.root)
-
-
 def make_config(t5: Path, **options: Any) -> CrossT5Config:
-    small = {"dim_model": 16, "n_heads": 2, "dim_feedforward": 32, "dim_lstm": 16, "max_text_tokens": 8}
-    common = {"language_model": str(t5), "max_episode_steps": HORIZON, "device": "cpu", "push_to_hub": False}
-    return CrossT5Config(**{**small, **common, **options})
+    return CrossT5Config(**{**small_options(t5), **options})
 
 
 @pytest.fixture(scope="module")
@@ -319,6 +307,13 @@ def test_a_resumed_run_encodes_again_and_ends_with_the_same_weights(
     assert before.keys() == after.keys()
     for key, tensor in before.items():
         assert torch.equal(tensor, after[key]), key
+
+
+def test_eyes_alone_cannot_speak(eyes: Path) -> None:
+    policy = CrossT5Policy.from_pretrained(eyes)
+    for speak in (policy.translate, policy.repeat_language):
+        with pytest.raises(ValueError, match="This checkpoint has eyes alone"):
+            speak(["push red"])
 
 
 def test_eyes_alone_cannot_be_evaluated(folder: Path, trained_eyes: Path) -> None:

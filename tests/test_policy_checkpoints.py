@@ -13,20 +13,10 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from lerobot_owlxt5.backbones import SmallT5Config, collect_texts, make_small_t5
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
-from policy_helpers import load_batch, make_config, make_dataset, make_owlv2, make_policy, make_t5, observe
+from policy_helpers import load_batch, make_config, make_owlv2, make_policy, observe
 
 FRAMES = [0, 7, 20, 26]
 TASKS = ["push red", "pull the ball"]
-
-
-@pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
-    return make_dataset(tmp_path_factory.mktemp("dataset") / "data", episodes=3)
-
-
-@pytest.fixture(scope="module")
-def t5(tmp_path_factory: pytest.TempPathFactory, dataset: LeRobotDataset) -> Path:
-    return make_t5(tmp_path_factory.mktemp("t5"), dataset.root)
 
 
 def make(dataset: LeRobotDataset, t5: Path, **options: Any) -> tuple[OWLxT5Policy, dict[str, Any]]:

@@ -16,24 +16,12 @@ from policy_helpers import (
     EYES,
     HORIZON,
     load_batch,
-    make_dataset,
     make_owlv2,
     make_policy,
-    make_t5,
     observe,
 )
 
 TASKS = ["push red", "Pull the ball!", "slide-to-left can", "dance wildly"]
-
-
-@pytest.fixture(scope="module")
-def t5(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return make_t5(tmp_path_factory.mktemp("t5"))
-
-
-@pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
-    return make_dataset(tmp_path_factory.mktemp("dataset") / "data", episodes=3)
 
 
 def test_a_plan_is_made_once_and_its_last_action_held(t5: Path) -> None:
@@ -110,6 +98,14 @@ def test_an_action_is_within_what_its_joint_was_trained_on(
     assert plan.isfinite().all()
     assert (plan.numpy() >= trained["min"] - 1e-3).all()
     assert (plan.numpy() <= trained["max"] + 1e-3).all()
+
+
+def test_a_robot_with_other_joints_does_not_act(t5: Path) -> None:
+    policy = make_policy(t5)
+    batch = observe(TASKS)
+    batch["observation.state"] = batch["observation.state"][:, :7]
+    with pytest.raises(ValueError, match="has 7 numbers, and the policy was trained on 10 joints"):
+        policy.select_action(batch)
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf")])

@@ -39,11 +39,6 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
     return make_dataset(tmp_path_factory.mktemp("dataset") / "data", episodes=6)
 
 
-@pytest.fixture(scope="module")
-def t5(tmp_path_factory: pytest.TempPathFactory, dataset: LeRobotDataset) -> Path:
-    return make_t5(tmp_path_factory.mktemp("t5"), dataset.root)
-
-
 def make(dataset: LeRobotDataset, t5: Path, **options: Any) -> tuple[OWLxT5Policy, Any, Any]:
     """Policy and processors as lerobot-train makes them: features come from the data set."""
     config = make_config(t5, **options)
