@@ -55,8 +55,9 @@ step "2/4 A small T5 without any knowledge, to be trained along" t5 \
 # The train split stands at the beginning: "0:36" means episodes 0 to 35.
 train=$(python -c "import json; print(json.load(open('$data/meta/info.json'))['splits']['train'][2:])")
 step "3/4 Training on the $train episodes of the train split" train \
-    lerobot-train --config_path=configs/demo_train.yaml --dataset.root=$data --policy.language_model=$out/t5 \
-    --output_dir=$out/train --steps=$steps --dataset.episodes="[$(seq -s, 0 $((train - 1)))]"
+    lerobot-train --config_path=configs/small.yaml --policy.type=owlxt5 --policy.detector=ground_truth \
+    --policy.language_model=$out/t5 --dataset.root=$data --output_dir=$out/train --steps=$steps \
+    --dataset.episodes="[$(seq -s, 0 $((train - 1)))]"
 # Both suites side by side: each evaluation keeps one core busy.
 printf 'clant\nclaeo\n' | step "4/4 Evaluation on cubes and on everyday objects" eval \
     xargs -P 2 -I SUITE lerobot-eval --policy.path=$out/train/checkpoints/last/pretrained_model --env.type=SUITE \

@@ -14,7 +14,9 @@ from commands import launch, run
 from policy_helpers import without_dropout
 
 TRAIN = (
-    "--config_path=configs/demo_train.yaml",
+    "--config_path=configs/small.yaml",
+    "--policy.type=owlxt5",
+    "--policy.detector=ground_truth",
     "--policy.dim_model=32",
     "--policy.dim_feedforward=32",
     "--policy.dim_lstm=16",
