@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scenes and questions that the small eyes learn from, and that they learn."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from nico_tabletop.objects import CUBE_HALF_WIDTH, read_objects, visible_surface
+from nico_tabletop.scene import build_model
+from owlxt5_backbones import queries
+from owlxt5_backbones.catalogue import CATEGORIES, COLOURS, HELD_OUT, draw_instance
+from owlxt5_backbones.exam import examine
+from owlxt5_backbones.eyes import Collator, EyesSizes, detection_loss, make_eyes
+from owlxt5_backbones.queries import draw_queries
+from owlxt5_backbones.scenes import HEIGHT, WIDTH, EyeWorld
+from owlxt5_backbones.train import BackbonesConfig, train_eyes
+
+TINY = EyesSizes(image_size=64, width=32, layers=1, heads=2, text_width=32, text_layers=1, vocabulary=600)
+
+
+@pytest.mark.parametrize("category", CATEGORIES)
+def test_instances_stand_on_the_table_and_are_of_its_size(category: str) -> None:
+    random = np.random.default_rng(0)
+    items = tuple(draw_instance(random, category, str(k)).item for k in range(12))
+    model = build_model(items)
+    for item in items:
+        points = visible_surface(model, item.name) + np.array([0, 0, CUBE_HALF_WIDTH])
+        low, high = points.min(axis=0), points.max(axis=0)
+        assert -0.004 < low[2] < 0.005
+        assert high[2] < 0.21
+        assert np.abs([low[:2], high[:2]]).max() < 0.075
+        assert (high - low).max() > 0.02
+
+
+def test_held_out_categories_are_not_drawn() -> None:
+    everything = {name for names, _ in CATEGORIES.values() for name in names}
+    held_out = [item for item in read_objects("household") if item.name in HELD_OUT]
+    assert len(held_out) == len(HELD_OUT)
+    assert not everything & {name for item in held_out for name in (item.name, *item.synonyms)}
+
+
+def test_the_eyes_know_the_words_of_both_papers() -> None:
+    known = {name for names, _ in CATEGORIES.values() for name in names}
+    colours = {name for names, _ in COLOURS.values() for name in names}
+    for item in read_objects("claeo"):
+        assert item.name.removeprefix("white ") in known
+        assert {*item.synonyms} <= known
+    for item in read_objects("clant"):
+        assert {name.replace("-", " ") for name in (item.name, *item.synonyms)} <= colours
+
+
+@pytest.fixture(scope="module")
+def pictures() -> list[dict[str, Any]]:
+    world = EyeWorld(np.random.default_rng(0))
+    found = [picture for picture, _ in zip(world.pictures(), range(12), strict=False)]
+    world.close()
+    return found
+
+
+def test_boxes_hold_what_stands_out_from_the_table(pictures: list[dict[str, Any]]) -> None:
+    assert sum(len(picture["objects"]) for picture in pictures) > 20
+    for picture in pictures:
+        assert picture["image"].shape == (HEIGHT, WIDTH, 3)
+        for item in picture["objects"]:
+            x0, y0, x1, y1 = item["box"]
+            assert 0 <= x0 < x1 <= 1
+            assert 0 <= y0 < y1 <= 1
+
+
+def test_the_same_seed_gives_the_same_pictures(pictures: list[dict[str, Any]]) -> None:
+    world = EyeWorld(np.random.default_rng(0))
+    again = next(world.pictures())
+    world.close()
+    assert (again["image"] == pictures[0]["image"]).all()
+    assert again["objects"] == pictures[0]["objects"]
+
+
+SCENE = [
+    {"names": ["cube", "block"], "colours": ["red", "scarlet"], "box": [0.1, 0.4, 0.2, 0.5]},
+    {"names": ["cube", "block"], "colours": ["blue", "azure"], "box": [0.6, 0.4, 0.7, 0.5]},
+    {"names": ["wine bottle", "bottle"], "colours": [], "box": [0.4, 0.3, 0.5, 0.6]},
+]
+
+
+def test_queries_mean_what_they_say() -> None:
+    random = np.random.default_rng(0)
+    asked = {
+        query.text.removeprefix("a photo of a ").removeprefix("the ").removeprefix("a picture of the "): query
+        for _ in range(200)
+        for query in draw_queries(SCENE, random, 8)
+    }
+    assert asked["cube"].meant == (0, 1)
+    assert asked["scarlet block"].meant == (0,)
+    assert asked["cube on the right"].meant == (1,)
+    assert asked["bottle"].meant == (2,)
+    assert asked["mug"].meant == ()
+    assert asked["green cube"].meant == ()
+    # Nobody said which colour the bottle has.
+    assert not {f"{colour} {name}" for colour in ("red", "green") for name in ("bottle", "wine bottle")} & {
+        *asked
+    }
+    assert 0.4 < np.mean([bool(query.meant) for query in draw_queries(SCENE, random, 400)]) < 0.6
+
+
+def test_queries_about_an_empty_table_mean_nothing() -> None:
+    assert all(query.meant == () for query in draw_queries([], np.random.default_rng(0), 20))
+
+
+def test_a_perfect_detection_costs_less_than_a_shifted_or_a_wrong_one() -> None:
+    boxes = torch.tensor([[[0.3, 0.3, 0.2, 0.2], [0.7, 0.6, 0.1, 0.2], [0.0, 0.0, 0.0, 0.0]]])
+    meant = torch.tensor([[[True, False], [False, False], [False, False]]])
+    found = torch.zeros(1, 64, 4)
+    found[:] = boxes[0, 1]
+    patch = torch.arange(64)
+    x, y = (patch % 8 + 0.5) / 8, (patch // 8 + 0.5) / 8
+    in_first = ((x - 0.3).abs() < 0.15) & ((y - 0.3).abs() < 0.15)
+    found[0, in_first] = boxes[0, 0]
+    logits = torch.full((1, 64, 2), -12.0)
+    inner = ((x - 0.3).abs() < 0.061) & ((y - 0.3).abs() < 0.061)
+    logits[0, inner, 0] = 12.0
+    perfect = detection_loss(logits, found, boxes, meant)
+    assert perfect < 0.01
+    assert detection_loss(logits, found + 0.05, boxes, meant) > perfect + 0.1
+    assert detection_loss(logits.flip(-1), found, boxes, meant) > perfect + 1
+    assert torch.isfinite(detection_loss(logits, found, torch.zeros_like(boxes), torch.zeros_like(meant)))
+
+
+def test_flipped_pictures_keep_left_and_right_true(pictures: list[dict[str, Any]]) -> None:
+    _, processor = make_eyes(TINY, 0)
+    torch.manual_seed(0)
+    batch = Collator(processor)(pictures)
+    assert batch["pixel_values"].shape == (len(pictures), 3, 64, 64)
+    number = [len(picture["objects"]) for picture in pictures]
+    assert [(row[:, 2] > 0).sum() for row in batch["boxes"]] == number
+    assert batch["meant"].any(dim=1).float().mean() > 0.2
+    # A picture is padded at the bottom: nothing is below three quarters of the square.
+    assert (batch["boxes"][..., 1] < HEIGHT / WIDTH).all()
+
+
+def test_the_tokenizer_spells_any_name() -> None:
+    _, processor = make_eyes(TINY, 0)
+    texts = ["a photo of a red cube", "a photo of a xylophone", "a photo of a Gießkanne"]
+    tokens = processor.tokenizer(texts)["input_ids"]
+    unknown = processor.tokenizer.unk_token_id
+    assert all(processor.tokenizer.decode(each, skip_special_tokens=True).strip() for each in tokens)
+    assert all(unknown not in each[1:-1] for each in tokens)
+    assert queries.all_texts()
+
+
+def test_miniature_eyes_learn_are_saved_and_can_be_examined(tmp_path: Path) -> None:
+    config = BackbonesConfig("eyes", tmp_path, steps=30, batch_size=8, pictures=48, learning_rate=2e-3)
+    model, losses = train_eyes(config, TINY)
+    assert np.mean(losses[-5:]) < 0.8 * np.mean(losses[:5])
+    model.half().save_pretrained(tmp_path / "model")
+    grade = examine(str(tmp_path / "model"), "claeo", "slots", 2)
+    assert grade.named == 12  # three of six objects, by name and by synonym, twice
+    assert grade.absent == 12
