@@ -30,6 +30,7 @@ from transformers import AutoModelForSeq2SeqLM, Owlv2Config, Owlv2ForObjectDetec
 from lerobot_owlxt5.backbones import SmallT5Config, collect_texts, make_small_t5
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
 
+PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
 BATCHES, BATCH_SIZE = 8, 64
 VOCABULARY = 32128
 
@@ -120,7 +121,7 @@ def main() -> None:
     table = Table(title=f"A training step of {BATCH_SIZE} on {device}, {threads} threads")
     for heading in ("precision", "s", "GFLOP", "GFLOP/s", "of a matrix product's"):
         table.add_column(heading, justify="right")
-    for name, dtype in (("float32", torch.float32), ("bfloat16", torch.bfloat16)):
+    for name, dtype in PRECISIONS.items():
         train(dtype)
         seconds = min(_seconds(lambda dtype=dtype: train(dtype), device, 1) for _ in range(3)) / BATCHES
         speed = operations / seconds
@@ -143,11 +144,14 @@ def main() -> None:
     query = torch.ones(1, 16, dtype=torch.long, device=device)
 
     @torch.no_grad()
-    def detect() -> None:
-        model(pixel_values=picture, input_ids=query, attention_mask=query)
+    def detect(dtype: torch.dtype) -> None:
+        with torch.autocast(device, dtype, enabled=dtype is not torch.float32):
+            model(pixel_values=picture, input_ids=query, attention_mask=query)
 
-    detect()
-    console.print(f"OWLv2-base, forward: {_seconds(detect, device, 3):.2f} s an image")
+    for name, dtype in PRECISIONS.items():
+        detect(dtype)
+        seconds = _seconds(lambda dtype=dtype: detect(dtype), device, 3)
+        console.print(f"OWLv2-base, forward, {name}: {seconds:.2f} s an image")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Draws learning curves: python benchmarks/learning.py PICTURE DATASET_FOLDER NAME=TRAINING_FOLDER...
+
+Runs `owlxt5-evaluate` on the test split with each checkpoint of the trainings (`--save_freq` makes them) and
+draws what it says over the training steps. What is evaluated already, in TRAINING_FOLDER/evaluated, is not
+evaluated again.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+from matplotlib.ticker import PercentFormatter
+from tqdm import tqdm
+
+CURVES = (("execute", "nrmse"), ("repeat action", "nrmse"), ("describe", "bleu2"))
+TITLES = {"nrmse": "NRMSE", "bleu2": "BLEU-2"}
+
+
+def _evaluate(checkpoint: Path, dataset: Path, output: Path) -> list[dict[str, Any]]:
+    """The rows of the checkpoint's results."""
+    results = output / "results.json"
+    if not results.exists():
+        command = ["owlxt5-evaluate", f"--policy.path={checkpoint / 'pretrained_model'}"]
+        command += ["--dataset.repo_id=local/clant", f"--dataset.root={dataset}", f"--output_dir={output}"]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    rows: list[dict[str, Any]] = json.loads(results.read_text(encoding="utf-8"))["rows"]
+    return rows
+
+
+def main() -> None:
+    """Evaluate and draw."""
+    picture, dataset = Path(sys.argv[1]), Path(sys.argv[2])
+    trainings = [(name, Path(folder)) for name, _, folder in (text.partition("=") for text in sys.argv[3:])]
+    figure, panels = plt.subplots(1, len(CURVES), figsize=(11, 3.2), layout="constrained")
+    for name, training in trainings:
+        checkpoints = sorted(path for path in (training / "checkpoints").iterdir() if path.name.isdigit())
+        rows = {
+            int(checkpoint.name): _evaluate(checkpoint, dataset, training / "evaluated" / checkpoint.name)
+            for checkpoint in tqdm(checkpoints, desc=name, unit="checkpoint")
+        }
+        for panel, (mode, figure_key) in zip(panels, CURVES, strict=True):
+            found = {
+                step: row[figure_key] for step, each in rows.items() for row in each if row["mode"] == mode
+            }
+            low, middle, high = (
+                [estimate[key] for estimate in found.values()] for key in ("low", "value", "high")
+            )
+            [line] = panel.plot([*found], middle, marker=".", label=name)
+            panel.fill_between([*found], low, high, alpha=0.2, color=line.get_color())
+    for panel, (mode, figure_key) in zip(panels, CURVES, strict=True):
+        panel.set(title=f"{mode}: {TITLES[figure_key]}", xlabel="training steps", ylim=(0, None))
+        panel.yaxis.set_major_formatter(PercentFormatter())
+        panel.grid(alpha=0.3)
+    panels[0].legend()
+    figure.savefig(picture, dpi=100)
+    print(f"Picture: {picture}")
+
+
+if __name__ == "__main__":
+    main()
