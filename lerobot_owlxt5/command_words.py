@@ -24,12 +24,12 @@ COLOURS |= {"scarlet", "harlequin", "azure", "blonde", "greenish blue", "purple"
 # What a verb may mean; where that is more than one action, a direction has to choose.
 VERB_PHRASES = _by_phrase(
     {
-        ("push",): "push, shove, thrust, nudge, move up, move forward, move away",
+        ("push",): "push, shove, thrust, move up, move forward, move away",
         ("pull",): "pull, drag, tug, draw, move down",
         ("slide-to-left",): "slide to left, move sideways to left",
         ("slide-to-right",): "slide to right, move sideways to right",
         ("slide-to-left", "slide-to-right"): "slide, glide, sweep, move sideways",
-        tuple(ACTIONS): "move, shift",
+        tuple(ACTIONS): "move, shift, nudge",
     }
 )
 GERUNDS = {
