@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draws learning curves: python benchmarks/learning.py PICTURE DATASET_FOLDER NAME=TRAINING_FOLDER...
 
-Runs `owlxt5-evaluate` on the test split with each checkpoint of the trainings (`--save_freq` makes them) and
-draws what it says over the training steps. What is evaluated already, in TRAINING_FOLDER/evaluated, is not
-evaluated again.
+Runs `owlxt5-evaluate` on every sixth episode of the test split with each checkpoint of the trainings
+(`--save_freq` makes them) and draws what it says over the training steps. What is evaluated already, in
+TRAINING_FOLDER/evaluated, is not evaluated again.
 """
 
 import json
@@ -13,19 +13,22 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
+from lerobot.datasets import LeRobotDatasetMetadata
 from matplotlib.ticker import PercentFormatter
 from tqdm import tqdm
 
 CURVES = (("execute", "nrmse"), ("repeat action", "nrmse"), ("describe", "bleu2"))
+EVERY = 6
 TITLES = {"nrmse": "NRMSE", "bleu2": "BLEU-2"}
 
 
-def _evaluate(checkpoint: Path, dataset: Path, output: Path) -> list[dict[str, Any]]:
+def _evaluate(checkpoint: Path, dataset: Path, episodes: list[int], output: Path) -> list[dict[str, Any]]:
     """The rows of the checkpoint's results."""
     results = output / "results.json"
     if not results.exists():
         command = ["owlxt5-evaluate", f"--policy.path={checkpoint / 'pretrained_model'}"]
         command += ["--dataset.repo_id=local/clant", f"--dataset.root={dataset}", f"--output_dir={output}"]
+        command += [f"--dataset.episodes={episodes}"]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     rows: list[dict[str, Any]] = json.loads(results.read_text(encoding="utf-8"))["rows"]
     return rows
@@ -34,12 +37,17 @@ def _evaluate(checkpoint: Path, dataset: Path, output: Path) -> list[dict[str, A
 def main() -> None:
     """Evaluate and draw."""
     picture, dataset = Path(sys.argv[1]), Path(sys.argv[2])
+    meta = LeRobotDatasetMetadata("local/clant", root=dataset)
+    start, end = map(int, (meta.info.splits or {})["test"].split(":"))
+    episodes = [*range(start, end, EVERY)]
     trainings = [(name, Path(folder)) for name, _, folder in (text.partition("=") for text in sys.argv[3:])]
     figure, panels = plt.subplots(1, len(CURVES), figsize=(11, 3.2), layout="constrained")
     for name, training in trainings:
         checkpoints = sorted(path for path in (training / "checkpoints").iterdir() if path.name.isdigit())
         rows = {
-            int(checkpoint.name): _evaluate(checkpoint, dataset, training / "evaluated" / checkpoint.name)
+            int(checkpoint.name): _evaluate(
+                checkpoint, dataset, episodes, training / "evaluated" / checkpoint.name
+            )
             for checkpoint in tqdm(checkpoints, desc=name, unit="checkpoint")
         }
         for panel, (mode, figure_key) in zip(panels, CURVES, strict=True):
