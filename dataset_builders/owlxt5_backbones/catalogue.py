@@ -109,9 +109,8 @@ class Brush:
 
     def band(self, radius: float, low: float, high: float, rgba: Rgba) -> None:
         """Add a label, or a stripe, around a cylinder."""
-        self.turn(
-            [(radius, low), (radius + 3e-4, low + 1e-3), (radius + 3e-4, high - 1e-3), (radius, high)], rgba
-        )
+        outside = [(radius + 3e-4, low + 1e-3), (radius + 3e-4, high - 1e-3)]
+        self.turn([(radius, low), *outside, (radius, high), (radius, low)], rgba)
 
 
 def _arc(centre: tuple[float, float], radius: float, start: float, end: float, count: int = 13) -> Points:
@@ -408,7 +407,8 @@ def _donut(brush: Brush) -> None:
     radius, thick = brush.within(0.018, 0.025), brush.within(0.009, 0.0125)
     _torus(brush, radius, thick, brush.near((0.78, 0.54, 0.28)))
     icing = brush.near(((0.95, 0.55, 0.7), (0.3, 0.16, 0.08), (0.95, 0.94, 0.92))[brush.random.integers(3)])
-    brush.turn(_arc((radius, thick), thick * 1.04, brush.within(-5, 15), 175, 13), icing)
+    top = _arc((radius, thick), thick * 1.04, brush.within(-5, 15), 175, 13)
+    brush.turn([*top, top[0]], icing)
 
 
 def _egg(brush: Brush) -> None:
@@ -647,6 +647,8 @@ def _vase(brush: Brush) -> None:
             (lip, height),
             (lip - 2e-3, height),
             (neck - 2e-3, height * 0.8),
+            (belly - 3e-3, middle),
+            (1e-4, 5e-3),
         ],
         china,
     )

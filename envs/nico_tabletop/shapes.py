@@ -100,7 +100,10 @@ def _ring(radius: float, height: float) -> NDArray[np.float64]:
 
 
 def _skin(rings: Sequence[NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices (N, 3) and triangles (M, 3) of the closed skin over consecutive rings of points."""
+    """Vertices (N, 3) and triangles (M, 3) of the closed skin over consecutive rings of points.
+
+    Discs close its ends, unless it returns to where it began: then it is a ring with a hole.
+    """
     size = len(rings[0])
     ends = [rings[0].mean(axis=0, keepdims=True), rings[-1].mean(axis=0, keepdims=True)]
     vertices = np.concatenate([*rings, *ends])
@@ -111,10 +114,11 @@ def _skin(rings: Sequence[NDArray[np.float64]]) -> tuple[NDArray[np.float64], ND
         low, high = k * size, (k + 1) * size
         faces.append(np.stack([low + here, low + following, high + here], axis=1))
         faces.append(np.stack([low + following, high + following, high + here], axis=1))
-    bottom, top = np.full(size, len(vertices) - 2), np.full(size, len(vertices) - 1)
-    last = (len(rings) - 1) * size
-    faces.append(np.stack([bottom, following, here], axis=1))
-    faces.append(np.stack([top, last + here, last + following], axis=1))
+    if not np.allclose(rings[0], rings[-1]):
+        bottom, top = np.full(size, len(vertices) - 2), np.full(size, len(vertices) - 1)
+        last = (len(rings) - 1) * size
+        faces.append(np.stack([bottom, following, here], axis=1))
+        faces.append(np.stack([top, last + here, last + following], axis=1))
     return vertices, np.concatenate(faces)
 
 
