@@ -5,7 +5,6 @@ A take appears under its name only when it is complete, so a build that was kill
 """
 
 import json
-import os
 import shutil
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
@@ -31,6 +30,7 @@ from nico_tabletop.tasks import SLOTS
 
 from .demonstrations import Demonstration
 from .release import Split
+from .workers import draw_in_one_thread
 
 OBJECTS = "observation.objects"
 """Ground truth about the objects, see `nico_tabletop.env.describe_objects`."""
@@ -127,8 +127,7 @@ def _features(height: int, width: int, video: bool) -> dict[str, dict[str, Any]]
 @lru_cache(maxsize=1)
 def _simulation(objects: tuple[TabletopObject, ...]) -> TabletopSimulation:
     """One world, and one GL context, per process."""
-    # Mesa's software renderer would otherwise start a thread for each core in each worker.
-    os.environ.setdefault("LP_NUM_THREADS", "0")
+    draw_in_one_thread()
     return TabletopSimulation(objects)
 
 

@@ -22,6 +22,11 @@ def quiet() -> None:
     datasets.disable_progress_bars()
 
 
+def draw_in_one_thread() -> None:
+    """Keep Mesa's software renderer, which has not begun yet, from starting a thread for each core."""
+    os.environ.setdefault("LP_NUM_THREADS", "0")
+
+
 def usable_cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

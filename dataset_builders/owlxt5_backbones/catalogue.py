@@ -82,10 +82,10 @@ class Brush:
         shifted = np.clip(rgb + self.random.normal(0, _COLOUR_SPREAD, 3), 0.02, 0.98)
         return (*map(float, shifted), opacity)  # type: ignore[return-value]  # three and one are four
 
-    def named(self, *among: str, opacity: float = 1.0) -> Rgba:
+    def named(self, *among: str) -> Rgba:
         """A colour with a name, which becomes the instance's."""
         self.colour = str(self.random.choice(among or [*COLOURS]))
-        return self.near(COLOURS[self.colour][1], opacity)
+        return self.near(COLOURS[self.colour][1])
 
     def other(self) -> Rgba:
         """Any other colour than the instance's."""
@@ -399,8 +399,8 @@ def _ring(brush: Brush) -> None:
     _torus(brush, brush.within(0.018, 0.032), brush.within(0.003, 0.006), brush.named())
 
 
-def _torus(brush: Brush, radius: float, thick: float, paint: Rgba, squash: float = 1.0) -> None:
-    brush.turn([(r, z * squash) for r, z in _arc((radius, thick), thick, -180, 180, 17)], paint)
+def _torus(brush: Brush, radius: float, thick: float, paint: Rgba) -> None:
+    brush.turn(_arc((radius, thick), thick, -180, 180, 17), paint)
 
 
 def _donut(brush: Brush) -> None:

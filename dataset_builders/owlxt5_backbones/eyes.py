@@ -145,10 +145,8 @@ class Collator:
             queries.append([*asked, *asked * _QUERIES][:_QUERIES])
         texts = [query.text for asked in queries for query in asked]
         most = max(1, *(len(each) for each in boxes))
-        padded, meant = (
-            torch.zeros(len(rows), most, 4),
-            torch.zeros(len(rows), most, _QUERIES, dtype=torch.bool),
-        )
+        padded = torch.zeros(len(rows), most, 4)
+        meant = torch.zeros(len(rows), most, _QUERIES, dtype=torch.bool)
         for sample, (each, asked) in enumerate(zip(boxes, queries, strict=True)):
             padded[sample, : len(each)] = box_convert(each, "xyxy", "cxcywh")
             for number, query in enumerate(asked):

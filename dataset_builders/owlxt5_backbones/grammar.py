@@ -10,6 +10,8 @@ import numpy as np
 
 from lerobot_owlxt5.made_up_names import draw_name
 
+from .dice import pick
+
 Gender = Literal["m", "f", "n"]
 Case = Literal["nominative", "accusative", "dative"]
 
@@ -215,19 +217,15 @@ def draw_thing(random: np.random.Generator) -> Thing:
     if random.random() < _SHARE_MADE_UP:
         name = draw_name(random)
         return Thing(Noun(name, name, "n"))
-    noun = _pick(random, nouns())
+    noun = pick(random, nouns())
     if random.random() < _SHARE_OF_COMPOUNDS:
-        noun = compound(_pick(random, tuple(COMPOUNDS)), noun)
-    return Thing(noun, _pick(random, tuple(ADJECTIVES)) if random.random() < _SHARE_WITH_ADJECTIVE else None)
+        noun = compound(pick(random, tuple(COMPOUNDS)), noun)
+    return Thing(noun, pick(random, tuple(ADJECTIVES)) if random.random() < _SHARE_WITH_ADJECTIVE else None)
 
 
 def draw_translation(random: np.random.Generator) -> tuple[str, str]:
     """Draw an English sentence and its German translation."""
-    return _pick(random, _SENTENCES)(random)
-
-
-def _pick[Item](random: np.random.Generator, items: tuple[Item, ...]) -> Item:
-    return items[int(random.integers(len(items)))]
+    return pick(random, _SENTENCES)(random)
 
 
 def _joined(*words: str) -> str:
@@ -240,7 +238,7 @@ def capital(text: str) -> str:
 
 
 def _command(random: np.random.Generator) -> tuple[str, str]:
-    thing, verb = draw_thing(random), _pick(random, VERBS)
+    thing, verb = draw_thing(random), pick(random, VERBS)
     return (
         verb.english.format(f"the {thing.english}"),
         _joined(verb.imperative, thing.german("accusative"), verb.rest),
@@ -248,16 +246,16 @@ def _command(random: np.random.Generator) -> tuple[str, str]:
 
 
 def _polite_command(random: np.random.Generator) -> tuple[str, str]:
-    thing, verb = draw_thing(random), _pick(random, VERBS)
+    thing, verb = draw_thing(random), pick(random, VERBS)
     command = verb.english.format(f"the {thing.english}")
     english = f"please {command}" if random.random() < 0.5 else f"{command}, please"
     return english, _joined(verb.imperative, "bitte", thing.german("accusative"), verb.rest)
 
 
 def _request(random: np.random.Generator) -> tuple[str, str]:
-    thing, verb = draw_thing(random), _pick(random, VERBS)
+    thing, verb = draw_thing(random), pick(random, VERBS)
     asks = (("can you", "Kannst du"), ("could you", "Könntest du"), ("will you", "Wirst du"))
-    english, german = _pick(random, asks)
+    english, german = pick(random, asks)
     return (
         f"{english} {verb.english.format(f'the {thing.english}')}?",
         f"{german} {thing.german('accusative')} {verb.infinitive}?",
@@ -265,7 +263,7 @@ def _request(random: np.random.Generator) -> tuple[str, str]:
 
 
 def _report(random: np.random.Generator) -> tuple[str, str]:
-    thing, verb = draw_thing(random), _pick(random, VERBS)
+    thing, verb = draw_thing(random), pick(random, VERBS)
     return (
         f"I {verb.past.format(f'the {thing.english}')}.",
         f"Ich habe {thing.german('accusative')} {verb.participle}.",
@@ -283,7 +281,7 @@ def _where(random: np.random.Generator) -> tuple[str, str]:
 
 
 def _property(random: np.random.Generator) -> tuple[str, str]:
-    thing, adjective = draw_thing(random), _pick(random, tuple(ADJECTIVES))
+    thing, adjective = draw_thing(random), pick(random, tuple(ADJECTIVES))
     german, property_ = thing.german("nominative"), ADJECTIVES[adjective]
     if random.random() < 0.3:
         return f"is the {thing.english} {adjective}?", f"Ist {german} {property_}?"
@@ -292,7 +290,7 @@ def _property(random: np.random.Generator) -> tuple[str, str]:
 
 def _place(random: np.random.Generator) -> tuple[str, str]:
     thing, other = draw_thing(random), draw_thing(random)
-    english, german = _pick(random, PLACES)
+    english, german = pick(random, PLACES)
     subject = thing.german("nominative")
     return (
         f"the {thing.english} is {english} the {other.english}.",

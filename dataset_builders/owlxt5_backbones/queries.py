@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .catalogue import CATEGORIES, COLOURS
+from .dice import pick
 
 _NAMES = sorted({name for names, _ in CATEGORIES.values() for name in names})
 _COLOUR_NAMES = sorted({name for names, _ in COLOURS.values() for name in names})
@@ -51,10 +52,6 @@ def draw_queries(
     return queries or [Query("a photo of nothing", ())]
 
 
-def _pick[Item](random: np.random.Generator, items: Sequence[Item]) -> Item:
-    return items[int(random.integers(len(items)))]
-
-
 def _called(objects: Sequence[Mapping[str, Any]], name: str) -> tuple[int, ...]:
     return tuple(index for index, item in enumerate(objects) if name in item["names"])
 
@@ -71,33 +68,33 @@ Ask = Callable[[Sequence[Mapping[str, Any]], np.random.Generator], tuple[str, tu
 
 
 def _name(objects: Sequence[Mapping[str, Any]], random: np.random.Generator) -> tuple[str, tuple[int, ...]]:
-    name = _pick(random, _pick(random, objects)["names"])
+    name = pick(random, pick(random, objects)["names"])
     return name, _called(objects, name)
 
 
 def _colour_and_name(
     objects: Sequence[Mapping[str, Any]], random: np.random.Generator
 ) -> tuple[str, tuple[int, ...]]:
-    item = _pick(random, objects)
+    item = pick(random, objects)
     if not item["colours"]:
         return "", ()
-    return _coloured(objects, _pick(random, item["colours"]), _pick(random, item["names"]))
+    return _coloured(objects, pick(random, item["colours"]), pick(random, item["names"]))
 
 
 def _side(objects: Sequence[Mapping[str, Any]], random: np.random.Generator) -> tuple[str, tuple[int, ...]]:
     """The left or the right one of two or more of the same name."""
-    name = _pick(random, _pick(random, objects)["names"])
+    name = pick(random, pick(random, objects)["names"])
     called = _called(objects, name)
     if len(called) < 2:
         return "", ()
-    side, choose = _pick(random, (("left", min), ("right", max)))
+    side, choose = pick(random, (("left", min), ("right", max)))
     return f"{name} on the {side}", (choose(called, key=lambda index: objects[index]["box"][0]),)
 
 
 def _other_name(
     objects: Sequence[Mapping[str, Any]], random: np.random.Generator
 ) -> tuple[str, tuple[int, ...]]:
-    name = _pick(random, _NAMES)
+    name = pick(random, _NAMES)
     return name, _called(objects, name)
 
 
@@ -105,8 +102,8 @@ def _other_colour(
     objects: Sequence[Mapping[str, Any]], random: np.random.Generator
 ) -> tuple[str, tuple[int, ...]]:
     """Something of a name that is there, in a colour that is not."""
-    name = _pick(random, _pick(random, objects)["names"]) if objects else _pick(random, _NAMES)
-    return _coloured(objects, _pick(random, _COLOUR_NAMES), name)
+    name = pick(random, pick(random, objects)["names"]) if objects else pick(random, _NAMES)
+    return _coloured(objects, pick(random, _COLOUR_NAMES), name)
 
 
 def _other_name_in_the_colour(
@@ -114,7 +111,7 @@ def _other_name_in_the_colour(
 ) -> tuple[str, tuple[int, ...]]:
     """Something of a colour that is there, with a name that is not."""
     colours = [colour for item in objects for colour in item["colours"]]
-    return _coloured(objects, _pick(random, colours or _COLOUR_NAMES), _pick(random, _NAMES))
+    return _coloured(objects, pick(random, colours or _COLOUR_NAMES), pick(random, _NAMES))
 
 
 _PRESENT: tuple[Ask, ...] = (_name, _name, _colour_and_name, _side)

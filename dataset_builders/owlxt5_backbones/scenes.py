@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What NICO's eyes may see: random objects on a random table in random light, and where each of them is."""
 
-import os
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -9,9 +8,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from clant_claeo.workers import draw_in_one_thread
 from nico_tabletop.placement import Pose
 from nico_tabletop.robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
 from nico_tabletop.scene import build_model, parking_place, resting_place
+from nico_tabletop.simulation import seen_bodies
 
 from .catalogue import CATEGORIES, Instance, draw_instance
 
@@ -40,12 +41,11 @@ class EyeWorld:
 
     Args:
         random: Where everything comes from.
-        categories: What the instances may be.
     """
 
-    def __init__(self, random: np.random.Generator, categories: Sequence[str] = tuple(CATEGORIES)) -> None:
+    def __init__(self, random: np.random.Generator) -> None:
         self._random = random
-        drawn = random.choice(np.array(categories), _OBJECTS_IN_A_WORLD)
+        drawn = random.choice(np.array([*CATEGORIES]), _OBJECTS_IN_A_WORLD)
         self.instances = [draw_instance(random, str(name), f"{k}") for k, name in enumerate(drawn)]
         self._model = build_model(tuple(instance.item for instance in self.instances))
         self._data = mujoco.MjData(self._model)
@@ -56,8 +56,7 @@ class EyeWorld:
         self._eyes = eyes.id, eyes.pos.copy(), eyes.quat.copy(), float(eyes.fovy[0])
         self._lights = self._model.light_pos.copy(), self._model.light_dir.copy()
         self._paint_textures()
-        # Mesa's software renderer would otherwise start a thread for each core in each worker.
-        os.environ.setdefault("LP_NUM_THREADS", "0")
+        draw_in_one_thread()
         self._renderer = mujoco.Renderer(self._model, HEIGHT, WIDTH)
 
     def pictures(self) -> Iterator[dict[str, Any]]:
@@ -171,13 +170,7 @@ class EyeWorld:
         return self._renderer.render()
 
     def _boxes(self, shown: Sequence[int]) -> list[tuple[Instance, list[float]]]:
-        self._renderer.enable_segmentation_rendering()
-        try:
-            self._renderer.update_scene(self._data, EYES)
-            ids, kinds = np.moveaxis(self._renderer.render(), -1, 0)
-        finally:
-            self._renderer.disable_segmentation_rendering()
-        bodies = np.where(kinds == mujoco.mjtObj.mjOBJ_GEOM, self._model.geom_bodyid[ids], 0)
+        bodies = seen_bodies(self._renderer, self._data, EYES)
         found = []
         for index in shown:
             rows, columns = np.nonzero(bodies == self._bodies[index])

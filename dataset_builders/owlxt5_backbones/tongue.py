@@ -11,12 +11,13 @@ from transformers import PreTrainedTokenizerFast, T5ForConditionalGeneration
 
 from lerobot_owlxt5 import modes
 from lerobot_owlxt5.backbones import SmallT5Config, make_small_t5
+from lerobot_owlxt5.language import IGNORED
 
 from .catalogue import COLOURS
+from .dice import pick
 from .grammar import capital, draw_thing, draw_translation
 
 TEXTS_FOR_THE_TOKENIZER = 20_000
-_IGNORED = -100
 
 COMMANDS = {
     "push": ("push {}", "move up {}", "push the {}", "shove the {}", "push the {} away"),
@@ -71,7 +72,7 @@ class Tokens:
         prompts, answers = zip(*lessons, strict=True)
         inputs = self._tokenizer(list(prompts), padding=True, return_tensors="pt")
         targets = self._tokenizer(list(answers), padding=True, return_tensors="pt")
-        labels = targets["input_ids"].masked_fill(targets["attention_mask"] == 0, _IGNORED)
+        labels = targets["input_ids"].masked_fill(targets["attention_mask"] == 0, IGNORED)
         return {
             "input_ids": inputs["input_ids"],
             "attention_mask": inputs["attention_mask"],
@@ -93,14 +94,10 @@ def shipped_sizes(folder: Path, seed: int) -> SmallT5Config:
     )
 
 
-def _pick[Item](random: np.random.Generator, items: Sequence[Item]) -> Item:
-    return items[int(random.integers(len(items)))]
-
-
 def _name(random: np.random.Generator) -> str:
     """What a command may name: a thing, or a cube by its colour alone."""
     if random.random() < 0.2:
-        return _pick(random, _pick(random, [*COLOURS.values()])[0])
+        return pick(random, pick(random, [*COLOURS.values()])[0])
     return draw_thing(random).english
 
 
@@ -110,8 +107,8 @@ def _translate(random: np.random.Generator) -> Lesson:
 
 
 def _execute(random: np.random.Generator) -> Lesson:
-    verb, name = _pick(random, [*COMMANDS]), _name(random)
-    return modes.execute_prompt(_pick(random, COMMANDS[verb]).format(name)), f"{verb} {name}"
+    verb, name = pick(random, [*COMMANDS]), _name(random)
+    return modes.execute_prompt(pick(random, COMMANDS[verb]).format(name)), f"{verb} {name}"
 
 
 def _describe(random: np.random.Generator) -> Lesson:
@@ -121,12 +118,12 @@ def _describe(random: np.random.Generator) -> Lesson:
 
 def _describe_with_verb(random: np.random.Generator) -> Lesson:
     """Shows the decoder what the policy will ask of it: a verb that the prompt's encoding has in it."""
-    verb, name = _pick(random, [*COMMANDS]), _name(random)
+    verb, name = pick(random, [*COMMANDS]), _name(random)
     return modes.describe_prompt(f"{verb} {name}"), f"{verb} {name}"
 
 
 def _repeat(random: np.random.Generator) -> Lesson:
-    said = _pick(random, COMMANDS[_pick(random, [*COMMANDS])]).format(_name(random))
+    said = pick(random, COMMANDS[pick(random, [*COMMANDS])]).format(_name(random))
     return modes.repeat_language_prompt(said), said
 
 

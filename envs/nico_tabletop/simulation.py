@@ -27,6 +27,18 @@ def _within_limits(target_deg: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.deg2rad(np.clip(target_deg, limits[:, 0], limits[:, 1]))
 
 
+def seen_bodies(renderer: mujoco.Renderer, data: mujoco.MjData, camera: str) -> NDArray[np.int64]:
+    """The body that each pixel of a camera's picture shows, (height, width): 0, the world, if none."""
+    renderer.enable_segmentation_rendering()
+    try:
+        renderer.update_scene(data, camera)
+        ids, kinds = np.moveaxis(renderer.render(), -1, 0)
+    finally:
+        renderer.disable_segmentation_rendering()
+    # Geom -1, the background, is no geom: it takes body 0.
+    return np.where(kinds == mujoco.mjtObj.mjOBJ_GEOM, data.model.geom_bodyid[ids], 0)
+
+
 class TabletopSimulation:
     """NICO at the table with three of the given objects.
 
@@ -126,15 +138,7 @@ class TabletopSimulation:
         Returns:
             Shape (3, 4): x0, y0, x1, y1 as in `object_boxes`; all -1 for an object of which nothing is seen.
         """
-        renderer = self._renderer(height, width)
-        renderer.enable_segmentation_rendering()
-        try:
-            renderer.update_scene(self.data, camera)
-            ids, kinds = np.moveaxis(renderer.render(), -1, 0)
-        finally:
-            renderer.disable_segmentation_rendering()
-        # Geom -1, the background, is no geom: it takes body 0, the world.
-        bodies = np.where(kinds == mujoco.mjtObj.mjOBJ_GEOM, self.model.geom_bodyid[ids], 0)
+        bodies = seen_bodies(self._renderer(height, width), self.data, camera)
         boxes = np.full((len(self.arrangement), 4), -1.0)
         for index, name in enumerate(self.arrangement):
             rows, columns = np.nonzero(bodies == self.model.body(name).id)
