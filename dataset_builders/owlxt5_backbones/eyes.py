@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from tokenizers.pre_tokenizers import ByteLevel
 from tokenizers.trainers import BpeTrainer
-from torch import Tensor
+from torch import Tensor, nn
 from torchvision.ops import box_convert, generalized_box_iou_loss, sigmoid_focal_loss
 from torchvision.transforms import v2
 from transformers import (
@@ -25,13 +25,13 @@ from transformers import (
 from .queries import all_texts, draw_queries
 
 NOTHING, START, END = "<|nothing|>", "<|startoftext|>", "<|endoftext|>"
-_QUERIES = 8
+_QUERIES = 16
 _TEXT_TOKENS = 16
 # Patches whose middle lies in this inner share of a box are to find it.
 _INNER = 0.6
 _L1_WEIGHT, _GIOU_WEIGHT = 5.0, 2.0
-# Most patches mean nothing: say so from the start, as for focal loss.
-_FIRST_LOGIT, _FIRST_SCALE = -4.0, 8.0
+# Logits are (cosine + shift) * (1 + scale). Most patches mean nothing: say so from the start, gently.
+_FIRST_SHIFT, _FIRST_SCALE = -0.4, 8.0
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class EyesSizes:
     patch_size: int = 16
     width: int = 192
     layers: int = 8
-    heads: int = 6
+    heads: int = 3
     text_width: int = 128
     text_layers: int = 2
     vocabulary: int = 1200
@@ -58,6 +58,7 @@ def make_eyes(sizes: EyesSizes, seed: int) -> tuple[Owlv2ForObjectDetection, Owl
             "intermediate_size": 4 * sizes.text_width,
             "num_hidden_layers": sizes.text_layers,
             "num_attention_heads": sizes.text_width // 32,
+            "hidden_act": "gelu",
             "vocab_size": len(tokenizer),
             "max_position_embeddings": _TEXT_TOKENS,
             "bos_token_id": tokenizer.bos_token_id,
@@ -69,14 +70,24 @@ def make_eyes(sizes: EyesSizes, seed: int) -> tuple[Owlv2ForObjectDetection, Owl
             "intermediate_size": 4 * sizes.width,
             "num_hidden_layers": sizes.layers,
             "num_attention_heads": sizes.heads,
+            "hidden_act": "gelu",
             "image_size": sizes.image_size,
             "patch_size": sizes.patch_size,
         },
         projection_dim=sizes.text_width,
     )
     model = Owlv2ForObjectDetection(config)
+    # On processors the fused attention's way back costs more than all other layers together.
+    model.set_attn_implementation("eager")
+    # transformers draws their weights with a standard deviation of 1, as they are always loaded: boxes and
+    # logits would be saturated from the start.
+    for layer in (*model.box_head.modules(), *model.class_head.modules()):
+        if isinstance(layer, nn.Linear):
+            layer.reset_parameters()
     with torch.no_grad():
-        model.class_head.logit_shift.bias.fill_(_FIRST_LOGIT)
+        for head in (model.class_head.logit_shift, model.class_head.logit_scale):
+            head.weight.zero_()
+        model.class_head.logit_shift.bias.fill_(_FIRST_SHIFT)
         model.class_head.logit_scale.bias.fill_(_FIRST_SCALE)
     side = {"height": sizes.image_size, "width": sizes.image_size}
     return model, Owlv2Processor(Owlv2ImageProcessor(size=side), tokenizer)
@@ -116,7 +127,7 @@ class Collator:
 
     def __init__(self, processor: Owlv2Processor) -> None:
         self._processor = processor
-        light = v2.ColorJitter(brightness=0.25, contrast=0.25, saturation=0.25, hue=0.01)
+        light = v2.ColorJitter(brightness=0.25, contrast=0.25, saturation=0.25)
         self._relight = v2.Compose([light, v2.GaussianNoise(sigma=0.02)])
 
     def __call__(self, rows: Sequence[Mapping[str, Any]]) -> dict[str, Tensor]:

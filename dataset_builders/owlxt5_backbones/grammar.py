@@ -98,7 +98,7 @@ COMPOUNDS = {
 }
 """First part of a compound noun in both languages."""
 
-_SHARE_OF_COMPOUNDS, _SHARE_WITH_ADJECTIVE, _SHARE_MADE_UP = 0.3, 0.45, 0.15
+_SHARE_OF_COMPOUNDS, _SHARE_WITH_ADJECTIVE, _SHARE_MADE_UP = 0.3, 0.45, 0.3
 
 
 class Noun(NamedTuple):

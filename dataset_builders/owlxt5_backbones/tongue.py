@@ -90,7 +90,7 @@ def make_tongue(sizes: SmallT5Config) -> T5ForConditionalGeneration:
 def shipped_sizes(folder: Path, seed: int) -> SmallT5Config:
     """Sizes of the tongue that is shipped."""
     return SmallT5Config(
-        folder, vocab_size=3000, d_model=192, d_kv=32, d_ff=768, num_layers=3, num_heads=6, seed=seed
+        folder, vocab_size=1000, d_model=192, d_kv=32, d_ff=768, num_layers=3, num_heads=6, seed=seed
     )
 
 

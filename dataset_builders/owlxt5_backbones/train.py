@@ -38,13 +38,13 @@ class BackbonesConfig:
     # Folder for training data, checkpoints and, in `model`, the result.
     output_dir: Path
     # Steps of training.
-    steps: int = 12_000
+    steps: int = 3_000
     # Pictures, or sentences, in a step.
     batch_size: int = 32
     # Pictures to render for the eyes; each is seen several times, never with the same questions.
-    pictures: int = 60_000
+    pictures: int = 30_000
     # Highest learning rate of AdamW; it warms up and then falls with a cosine.
-    learning_rate: float = 5e-4
+    learning_rate: float = 8e-4
     # Seed of data and weights.
     seed: int = 0
 
@@ -56,7 +56,7 @@ def _arguments(config: BackbonesConfig) -> TrainingArguments:
         per_device_train_batch_size=config.batch_size,
         learning_rate=config.learning_rate,
         weight_decay=0.02,
-        warmup_steps=min(500, config.steps // 10),
+        warmup_steps=min(500, config.steps // 20),
         lr_scheduler_type="cosine",
         bf16=True,
         use_cpu=not torch.cuda.is_available(),
