@@ -33,7 +33,8 @@ class CrossmodalConfig(PreTrainedConfig):
     dataset's episodes must not be longer than `max_episode_steps`.
 
     Args:
-        language_model: T5 to split: Hub id or folder (weights as safetensors).
+        language_model: T5 to split: Hub id, folder (weights as safetensors), or `embedded`, the small one in
+            this package.
         language_model_revision: Hub revision of the language model; None is its main branch.
         train_language_model: Train T5 along and store its weights in the checkpoint. By default it stays
             frozen and a checkpoint only names it.

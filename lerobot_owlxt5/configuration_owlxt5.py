@@ -22,16 +22,17 @@ class OWLxT5Config(CrossmodalConfig):
     """Configuration of OWLxT5, whose eyes are an open-vocabulary detector.
 
     Args:
-        detector: OWLv2: Hub id or folder. Or `ground_truth`: the simulator's own boxes, which the dataset and
-            the environment give as `observation.objects`; an upper bound, never to be reported as OWLv2. It
-            needs no camera.
+        detector: OWLv2: Hub id, folder, or `embedded`, the small one in this package. Or `ground_truth`: the
+            simulator's own boxes, which the dataset and the environment give as `observation.objects`; an
+            upper bound, never to be reported as OWLv2. It needs no camera.
         detector_revision: Hub revision of the detector; None is its main branch.
-        score_threshold: A detection below this score (0 to 1) counts as not seen.
+        score_threshold: A detection below this score (0 to 1) counts as not seen. None: the detector's own,
+            as its config.json says, or 0.1.
     """
 
     detector: str = "google/owlv2-base-patch16"
     detector_revision: str | None = None
-    score_threshold: float = 0.1
+    score_threshold: float | None = None
 
     def check_dataset(self, features: dict[str, Any]) -> None:
         """Check that a dataset has what the policy reads: see `CrossmodalConfig`."""

@@ -11,12 +11,13 @@ from transformers import Owlv2ForObjectDetection, Owlv2Processor
 from .commands import object_name, plain
 from .configuration_owlxt5 import GROUND_TRUTH, NO_OBJECTS, OBS_OBJECTS, OWLxT5Config
 from .episodes import at_step
-from .pretrained import load_pretrained
+from .pretrained import EMBEDDED, find_backbone, load_pretrained
 
 # Per object: a box of 4 numbers and its name as 24 bytes.
 OBJECT_NUMBERS, BOX_NUMBERS = 28, 4
 # OWLv2 looks at 3600 patches of an image: a whole training batch at once would not fit into memory.
 IMAGES_AT_ONCE = 8
+USUAL_THRESHOLD = 0.1
 
 
 class Detections(NamedTuple):
@@ -52,7 +53,7 @@ def make_detector(config: OWLxT5Config) -> Detector:
     detector = Owlv2Detector(
         config.detector, config.detector_revision, config.score_threshold, config.camera_key
     )
-    config.detector_revision = detector.model.config._commit_hash
+    config.detector_revision = detector.revision
     return detector
 
 
@@ -97,12 +98,27 @@ class Owlv2Detector:
     Like the frozen language model it is no part of the policy's module tree.
     """
 
-    def __init__(self, name: str, revision: str | None, threshold: float, camera: str) -> None:
-        where = ("--policy.detector", f"a folder that holds an OWLv2, or --policy.detector={GROUND_TRUTH}")
+    def __init__(self, name: str, revision: str | None, threshold: float | None, camera: str) -> None:
+        """Load it.
+
+        Args:
+            name: Hub id, folder, or `embedded`.
+            revision: Hub revision, or what an embedded one was before; or None.
+            threshold: Score below which nothing was found. None: the `score_threshold` in the model's
+                config.json, or OWLv2's usual 0.1.
+            camera: Image feature to look at.
+        """
+        where = ("--policy.detector", f"{EMBEDDED}, {GROUND_TRUTH}, or a folder that holds an OWLv2")
+        name, revision = find_backbone(name, "eyes", revision)
         self.processor = load_pretrained(Owlv2Processor, name, revision, *where)
-        self.model = load_pretrained(Owlv2ForObjectDetection, name, revision, *where, use_safetensors=True)
+        self.model = load_pretrained(
+            Owlv2ForObjectDetection, name, revision, *where, use_safetensors=True, dtype=torch.float32
+        )
         self.model.requires_grad_(False).eval()
-        self.threshold = threshold
+        # The Hub's commit, or the digest of embedded weights; None for a folder.
+        self.revision: str | None = self.model.config._commit_hash or revision
+        own = getattr(self.model.config, "score_threshold", USUAL_THRESHOLD)
+        self.threshold = own if threshold is None else threshold
         self.camera = camera
 
     def __call__(self, batch: dict[str, Any], names: Sequence[Sequence[str]], step: int = 0) -> Detections:

@@ -11,7 +11,7 @@ from torch.nn.utils.rnn import pad_sequence
 from transformers import AutoModelForSeq2SeqLM, AutoTokenizer
 from transformers.modeling_outputs import BaseModelOutput
 
-from .pretrained import load_pretrained
+from .pretrained import EMBEDDED, find_backbone, load_pretrained
 
 # Encodings to remember: enough for CLANT's prompts, and at T5-small's size about 300 MB at the very most.
 MAX_REMEMBERED = 4096
@@ -26,27 +26,27 @@ class SplitT5:
     `model`.
 
     Args:
-        name: Hub id or folder.
-        revision: Hub revision, or None.
+        name: Hub id, folder, or `embedded`.
+        revision: Hub revision, or what an embedded one was before; or None.
         frozen: Keep the weights fixed, and never encode the same prompt twice.
     """
 
     def __init__(self, name: str, revision: str | None = None, *, frozen: bool = True) -> None:
         where = (
             "--policy.language_model",
-            "a folder that holds a T5 (`python -m lerobot_owlxt5.backbones` makes one)",
+            f"{EMBEDDED}, or a folder that holds a T5 (`python -m lerobot_owlxt5.backbones` makes one)",
         )
+        name, revision = find_backbone(name, "tongue", revision)
         self.tokenizer = load_pretrained(AutoTokenizer, name, revision, *where)
-        self.model: Any = load_pretrained(AutoModelForSeq2SeqLM, name, revision, *where, use_safetensors=True)
+        self.model: Any = load_pretrained(
+            AutoModelForSeq2SeqLM, name, revision, *where, use_safetensors=True, dtype=torch.float32
+        )
+        # The Hub's commit, or the digest of embedded weights; None for a folder.
+        self.revision: str | None = self.model.config._commit_hash or revision
         self.frozen = frozen
         if frozen:
             self.model.requires_grad_(False).eval()
         self._remembered: dict[str, Tensor] = {}
-
-    @property
-    def revision(self) -> str | None:
-        """The Hub's commit that was loaded; None for a folder."""
-        return self.model.config._commit_hash
 
     @property
     def dim(self) -> int:

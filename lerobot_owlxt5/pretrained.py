@@ -1,7 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
 """Loading pretrained models: safetensors only, no remote code, and an error that says what to do."""
 
-from typing import Any
+import hashlib
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Literal
+
+EMBEDDED = "embedded"
+"""Name of the small backbones that are part of this package."""
+
+
+def find_backbone(name: str, part: Literal["eyes", "tongue"], revision: str | None) -> tuple[str, str | None]:
+    """Where a backbone is: as named, or for `embedded` its folder in this package.
+
+    Args:
+        name: Hub id, folder, or `embedded`.
+        part: Which of the embedded backbones.
+        revision: Hub revision; for an embedded one the digest that a checkpoint noted, or None.
+
+    Returns:
+        Name or folder, and its revision: of an embedded backbone the digest of its weights.
+
+    Raises:
+        ValueError: If a checkpoint was made with other embedded weights than those of this package.
+    """
+    if name != EMBEDDED:
+        return name, revision
+    folder = Path(str(files(__package__))) / EMBEDDED / part
+    digest = hashlib.sha256((folder / "model.safetensors").read_bytes()).hexdigest()[:12]
+    if revision not in (None, digest):
+        raise ValueError(
+            f"This checkpoint was trained with other embedded {part} ({revision}) than those of the "
+            f"installed lerobot_policy_owlxt5 ({digest}). Install the version that it was trained with, or "
+            "train again."
+        )
+    return str(folder), digest
 
 
 def load_pretrained(

@@ -10,9 +10,9 @@ import torch
 
 from nico_tabletop.objects import CUBE_HALF_WIDTH, read_objects, visible_surface
 from nico_tabletop.scene import build_model
-from owlxt5_backbones import queries
+from owlxt5_backbones import card, queries, train
 from owlxt5_backbones.catalogue import CATEGORIES, COLOURS, HELD_OUT, draw_instance
-from owlxt5_backbones.exam import examine
+from owlxt5_backbones.exam_eyes import examine
 from owlxt5_backbones.eyes import Collator, EyesSizes, detection_loss, make_eyes
 from owlxt5_backbones.queries import draw_queries
 from owlxt5_backbones.scenes import HEIGHT, WIDTH, EyeWorld
@@ -150,11 +150,21 @@ def test_the_tokenizer_spells_any_name() -> None:
     assert queries.all_texts()
 
 
-def test_miniature_eyes_learn_are_saved_and_can_be_examined(tmp_path: Path) -> None:
+def test_miniature_eyes_learn_are_examined_and_get_a_card(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(train, "_OTHER_PICTURES", 48)
     config = BackbonesConfig("eyes", tmp_path, steps=30, batch_size=8, pictures=48, learning_rate=2e-3)
     model, losses = train_eyes(config, TINY)
     assert np.mean(losses[-5:]) < 0.8 * np.mean(losses[:5])
-    model.half().save_pretrained(tmp_path / "model")
-    grade = examine(str(tmp_path / "model"), "claeo", "slots", 2)
+    assert 0 < model.config.score_threshold < 1
+    grade = examine(str(config.model_dir), "claeo", "slots", 2)
     assert grade.named == 12  # three of six objects, by name and by synonym, twice
     assert grade.absent == 12
+    monkeypatch.setattr(card, "_SCENES", 1)
+    table = card.write_eyes_card(config.model_dir, 0, command=config.command, size="a few")
+    assert "| household, held-out categories |" in table
+    written = (config.model_dir / "README.md").read_text(encoding="utf-8")
+    assert table in written
+    assert "owlxt5-backbones --part=eyes --steps=30" in written
+    assert "--pictures=48" in written

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lerobot_owlxt5.backbones import SmallT5Config
+from owlxt5_backbones import card, exam_tongue
 from owlxt5_backbones.grammar import ADJECTIVES, VERBS, Case, Noun, Thing, compound, draw_translation, nouns
 from owlxt5_backbones.tongue import draw_lesson
 from owlxt5_backbones.train import BackbonesConfig, train_tongue
@@ -96,8 +97,25 @@ def test_lessons_copy_names_that_no_list_has() -> None:
     assert len(unknown) > 20
 
 
-def test_a_miniature_tongue_learns(tmp_path: Path) -> None:
+def test_a_miniature_tongue_learns_and_gets_a_card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     config = BackbonesConfig("tongue", tmp_path, steps=300, batch_size=16, learning_rate=1e-2)
     sizes = {"vocab_size": 600, "d_model": 32, "d_kv": 8, "d_ff": 64, "num_layers": 1}
     _, losses = train_tongue(config, SmallT5Config(tmp_path / "model", **sizes))
     assert np.mean(losses[-5:]) < 0.75 * np.mean(losses[:5])
+    monkeypatch.setattr(card, "_LESSONS", 3)
+    table = card.write_tongue_card(config.model_dir, 0, 300 * 16, command=config.command, size="a few")
+    assert "| translate, made-up name |" in table
+    written = (tmp_path / "model" / "README.md").read_text(encoding="utf-8")
+    assert table in written
+    assert "owlxt5-backbones --part=tongue --steps=300 --batch_size=16 --learning_rate=0.01" in written
+
+
+def test_the_embedded_tongue_answers_lessons_that_it_never_had() -> None:
+    grades = {
+        grade.kind: grade for grade in exam_tongue.examine("embedded", 30, trained=1000, training_seed=0)
+    }
+    assert grades["execute"].right > 0.8
+    assert grades["translate"].right > 0.7
+    assert grades["repeat language, made-up name"].right > 0.7
+    for grade in grades.values():
+        assert len(grade.mistakes) == min(5, round((1 - grade.right) * grade.lessons))

@@ -17,6 +17,7 @@ TRAIN = (
     "--config_path=configs/small.yaml",
     "--policy.type=owlxt5",
     "--policy.detector=ground_truth",
+    "--policy.train_language_model=true",
     "--policy.dim_model=32",
     "--policy.dim_feedforward=32",
     "--policy.dim_lstm=16",

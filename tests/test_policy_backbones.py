@@ -169,6 +169,24 @@ def test_a_checkpoint_names_the_commits_of_its_backbones(
     assert torch.equal(moved.predict_action_chunk(batch), policy.predict_action_chunk(batch))
 
 
+def test_the_embedded_tongue_speaks_and_a_checkpoint_notes_which_it_was(tmp_path: Path) -> None:
+    policy = make_policy(Path("embedded"))
+    assert policy.language.model.dtype == torch.float32
+    prompts = ["execute: move up the wug", "Translate English to German: Push the red cube to the left"]
+    answers = policy.language.generate(*policy.language.encode(prompts, CPU), max_new_tokens=32)
+    assert answers == ["push wug", "Schiebe den roten Würfel nach links"]
+
+    policy.save_pretrained(tmp_path)
+    batch = observe(["push red"])
+    loaded = OWLxT5Policy.from_pretrained(tmp_path)
+    assert torch.equal(loaded.predict_action_chunk(batch), policy.predict_action_chunk(batch))
+    config = json.loads((tmp_path / "config.json").read_text())
+    config["language_model_revision"] = "0" * 12
+    (tmp_path / "config.json").write_text(json.dumps(config))
+    with pytest.raises(ValueError, match=r"other embedded tongue \(0{12}\).*train again"):
+        OWLxT5Policy.from_pretrained(tmp_path)
+
+
 def load(checkpoint: Path, overrides: list[str]) -> OWLxT5Policy:
     """Load a checkpoint as `--policy.path` does, with options that follow it."""
     config = PreTrainedConfig.from_pretrained(checkpoint, cli_overrides=overrides)

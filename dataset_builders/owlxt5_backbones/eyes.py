@@ -13,7 +13,7 @@ from tokenizers.trainers import BpeTrainer
 from torch import Tensor, nn
 from torchvision.ops import box_convert, generalized_box_iou_loss, sigmoid_focal_loss
 from torchvision.transforms import v2
-from transformers import (
+from transformers import (  # type: ignore[attr-defined]
     CLIPTokenizerFast,
     Owlv2Config,
     Owlv2ForObjectDetection,
@@ -26,6 +26,7 @@ from .queries import all_texts, draw_queries
 
 NOTHING, START, END = "<|nothing|>", "<|startoftext|>", "<|endoftext|>"
 _QUERIES = 16
+_PICTURES_AT_ONCE = 32
 _TEXT_TOKENS = 16
 # Patches whose middle lies in this inner share of a box are to find it.
 _INNER = 0.6
@@ -52,8 +53,8 @@ def make_eyes(sizes: EyesSizes, seed: int) -> tuple[Owlv2ForObjectDetection, Owl
     """A network with random weights and its processor, whose tokenizer spells any text."""
     tokenizer = _fit_tokenizer(sizes.vocabulary)
     torch.manual_seed(seed)
-    config = Owlv2Config(
-        text_config={
+    parts: dict[str, Any] = {
+        "text_config": {
             "hidden_size": sizes.text_width,
             "intermediate_size": 4 * sizes.text_width,
             "num_hidden_layers": sizes.text_layers,
@@ -65,7 +66,7 @@ def make_eyes(sizes: EyesSizes, seed: int) -> tuple[Owlv2ForObjectDetection, Owl
             "eos_token_id": tokenizer.eos_token_id,
             "pad_token_id": tokenizer.pad_token_id,
         },
-        vision_config={
+        "vision_config": {
             "hidden_size": sizes.width,
             "intermediate_size": 4 * sizes.width,
             "num_hidden_layers": sizes.layers,
@@ -74,9 +75,9 @@ def make_eyes(sizes: EyesSizes, seed: int) -> tuple[Owlv2ForObjectDetection, Owl
             "image_size": sizes.image_size,
             "patch_size": sizes.patch_size,
         },
-        projection_dim=sizes.text_width,
-    )
-    model = Owlv2ForObjectDetection(config)
+        "projection_dim": sizes.text_width,
+    }
+    model = Owlv2ForObjectDetection(Owlv2Config(**parts))
     # On processors the fused attention's way back costs more than all other layers together.
     model.set_attn_implementation("eager")
     # transformers draws their weights with a standard deviation of 1, as they are always loaded: boxes and
@@ -206,10 +207,45 @@ class EyesTrainer(Trainer):
     """transformers' trainer with the loss that OWLv2 lacks."""
 
     def compute_loss(
-        self, model: Any, inputs: dict[str, Tensor], return_outputs: bool = False, **_: Any
+        self,
+        model: nn.Module,
+        inputs: dict[str, Any],
+        return_outputs: bool = False,
+        num_items_in_batch: Tensor | int | None = None,
     ) -> Any:
         """The loss of a batch of `Collator`."""
         boxes, meant = inputs.pop("boxes"), inputs.pop("meant")
         outputs = model(**inputs)
         loss = detection_loss(outputs.logits, outputs.pred_boxes, boxes, meant)
         return (loss, outputs) if return_outputs else loss
+
+
+@torch.no_grad()
+def find_threshold(
+    model: Owlv2ForObjectDetection,
+    processor: Owlv2Processor,
+    pictures: Sequence[Mapping[str, Any]],
+    seed: int,
+) -> float:
+    """The score that best tells what is there from what is not: as many of both are mistaken for the other.
+
+    Args:
+        model: The eyes.
+        processor: Theirs.
+        pictures: Rows of `scenes.EyeWorld.pictures` that the eyes were not trained on.
+        seed: Of the questions.
+    """
+    torch.manual_seed(seed)
+    collate, scores, there = Collator(processor), list[Tensor](), list[Tensor]()
+    for start in range(0, len(pictures), _PICTURES_AT_ONCE):
+        batch = collate(
+            [pictures[row] for row in range(start, min(start + _PICTURES_AT_ONCE, len(pictures)))]
+        )
+        there.append(batch.pop("meant").any(dim=1).flatten())
+        del batch["boxes"]
+        scores.append(model(**batch).logits.sigmoid().amax(dim=1).flatten())
+    score, is_there = torch.cat(scores), torch.cat(there)
+    candidates = torch.linspace(0.02, 0.98, 97)
+    missed = (score[is_there] < candidates[:, None]).float().mean(dim=1)
+    dreamt = (score[~is_there] >= candidates[:, None]).float().mean(dim=1)
+    return round(float(candidates[(missed - dreamt).abs().argmin()]), 2)

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tongue: a small T5, transformers' own class, and what it learns to say."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from torch import Tensor
 from torch.utils.data import IterableDataset, get_worker_info
-from transformers import PreTrainedTokenizerFast, T5ForConditionalGeneration
+from transformers import PreTrainedTokenizerBase, T5ForConditionalGeneration
 
 from lerobot_owlxt5 import modes
 from lerobot_owlxt5.backbones import SmallT5Config, make_small_t5
@@ -36,8 +36,9 @@ def draw_lesson(random: np.random.Generator) -> Lesson:
     A command is told again in the words of the data sets, so that its encoding holds what it means; a thing
     to describe is named. What was done to it is for the policy to add.
     """
-    lessons, shares = zip(*_LESSONS, strict=True)
-    return lessons[int(random.choice(len(lessons), p=shares))](random)  # type: ignore[no-any-return]
+    kinds, shares = zip(*KINDS.values(), strict=True)
+    draw: Callable[[np.random.Generator], Lesson] = kinds[int(random.choice(len(kinds), p=shares))]
+    return draw(random)
 
 
 class Lessons(IterableDataset[Lesson]):
@@ -64,7 +65,7 @@ class Tokens:
         tokenizer: The tongue's.
     """
 
-    def __init__(self, tokenizer: PreTrainedTokenizerFast) -> None:
+    def __init__(self, tokenizer: PreTrainedTokenizerBase) -> None:
         self._tokenizer = tokenizer
 
     def __call__(self, lessons: Sequence[Lesson]) -> dict[str, Tensor]:
@@ -131,11 +132,12 @@ def _repeat_action(random: np.random.Generator) -> Lesson:
     return modes.repeat_action_prompt(), ""
 
 
-_LESSONS = (
-    (_translate, 0.5),
-    (_execute, 0.15),
-    (_describe, 0.1),
-    (_describe_with_verb, 0.1),
-    (_repeat, 0.14),
-    (_repeat_action, 0.01),
-)
+KINDS: dict[str, tuple[Callable[[np.random.Generator], Lesson], float]] = {
+    "translate": (_translate, 0.5),
+    "execute": (_execute, 0.15),
+    "describe": (_describe, 0.1),
+    "describe with a verb": (_describe_with_verb, 0.1),
+    "repeat language": (_repeat, 0.14),
+    "repeat action": (_repeat_action, 0.01),
+}
+"""Kinds of lessons, how each is drawn, and how often."""

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """`owlxt5-backbones`: make the small eyes or the small tongue from nothing but this package."""
 
-import json
 import sys
-import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import draccus
 import torch
@@ -22,11 +21,23 @@ from transformers.trainer_utils import get_last_checkpoint
 from clant_claeo.workers import usable_cores
 from lerobot_owlxt5.backbones import SmallT5Config
 
-from .eyes import Collator, EyesSizes, EyesTrainer, make_eyes
+from .card import write_eyes_card, write_tongue_card
+from .eyes import Collator, EyesSizes, EyesTrainer, find_threshold, make_eyes
 from .pictures import make_pictures
 from .tongue import Lessons, Tokens, make_tongue, shipped_sizes
 
-PARTS = ("eyes", "tongue")
+_OTHER_PICTURES = 480
+
+
+class Recipe(NamedTuple):
+    """What the shipped weights of a part were trained with."""
+
+    steps: int
+    batch_size: int
+    learning_rate: float
+
+
+RECIPES = {"eyes": Recipe(3000, 32, 8e-4), "tongue": Recipe(8000, 64, 1.5e-3)}
 
 
 @dataclass
@@ -37,32 +48,56 @@ class BackbonesConfig:
     part: str
     # Folder for training data, checkpoints and, in `model`, the result.
     output_dir: Path
-    # Steps of training.
-    steps: int = 3_000
+    # Steps of training; by default, here and below, those of the weights in this package.
+    steps: int | None = None
     # Pictures, or sentences, in a step.
-    batch_size: int = 32
+    batch_size: int | None = None
+    # Highest learning rate of AdamW; it warms up and then falls with a cosine.
+    learning_rate: float | None = None
     # Pictures to render for the eyes; each is seen several times, never with the same questions.
     pictures: int = 30_000
-    # Highest learning rate of AdamW; it warms up and then falls with a cosine.
-    learning_rate: float = 8e-4
     # Seed of data and weights.
     seed: int = 0
 
+    @property
+    def recipe(self) -> Recipe:
+        """The options given, completed."""
+        usual = RECIPES[self.part]
+        return Recipe(
+            self.steps or usual.steps,
+            self.batch_size or usual.batch_size,
+            self.learning_rate or usual.learning_rate,
+        )
+
+    @property
+    def model_dir(self) -> Path:
+        """Folder of the result."""
+        return self.output_dir / "model"
+
+    @property
+    def command(self) -> str:
+        """What makes the same again, in a folder of the reader's choice."""
+        options = {"part": self.part, **self.recipe._asdict(), "seed": self.seed, "output_dir": "…"}
+        if self.part == "eyes":
+            options["pictures"] = self.pictures
+        return " ".join(["owlxt5-backbones", *(f"--{key}={value}" for key, value in options.items())])
+
 
 def _arguments(config: BackbonesConfig) -> TrainingArguments:
+    recipe = config.recipe
     return TrainingArguments(
         output_dir=str(config.output_dir / "checkpoints"),
-        max_steps=config.steps,
-        per_device_train_batch_size=config.batch_size,
-        learning_rate=config.learning_rate,
+        max_steps=recipe.steps,
+        per_device_train_batch_size=recipe.batch_size,
+        learning_rate=recipe.learning_rate,
         weight_decay=0.02,
-        warmup_steps=min(500, config.steps // 20),
+        warmup_steps=min(500, recipe.steps // 20),
         lr_scheduler_type="cosine",
         bf16=True,
         use_cpu=not torch.cuda.is_available(),
         save_steps=500,
         save_total_limit=1,
-        logging_steps=max(1, min(50, config.steps // 20)),
+        logging_steps=max(1, min(50, recipe.steps // 20)),
         seed=config.seed,
         dataloader_num_workers=1,
         remove_unused_columns=False,
@@ -80,10 +115,15 @@ def _train(trainer: Trainer) -> list[float]:
 
 def train_eyes(config: BackbonesConfig, sizes: EyesSizes) -> tuple[Owlv2ForObjectDetection, list[float]]:
     """Render pictures and train on them; the eyes and the course of their loss."""
-    pictures = make_pictures(config.output_dir / "pictures", config.pictures, config.seed, usable_cores())
+    workers = usable_cores()
+    pictures = make_pictures(config.output_dir / "pictures", config.pictures, config.seed, workers)
+    others = make_pictures(config.output_dir / "other_pictures", _OTHER_PICTURES, config.seed + 1, workers)
     model, processor = make_eyes(sizes, config.seed)
     losses = _train(EyesTrainer(model, _arguments(config), Collator(processor), train_dataset=pictures))
-    processor.save_pretrained(config.output_dir / "model")
+    model.eval()
+    model.config.score_threshold = find_threshold(model, processor, others, config.seed)
+    processor.save_pretrained(config.model_dir)
+    model.half().save_pretrained(config.model_dir)
     return model, losses
 
 
@@ -94,26 +134,30 @@ def train_tongue(
     model = make_tongue(sizes)
     tokenizer = AutoTokenizer.from_pretrained(sizes.output_dir)
     losses = _train(Trainer(model, _arguments(config), Tokens(tokenizer), train_dataset=Lessons(config.seed)))
+    model.half().save_pretrained(config.model_dir)
     return model, losses
 
 
 @draccus.wrap()
 def main(config: BackbonesConfig) -> None:
-    """Make the data, train, and say where the result is."""
-    if config.part not in PARTS:
-        sys.exit(f"owlxt5-backbones: --part is one of {', '.join(PARTS)}, not {config.part!r}")
-    began = time.perf_counter()
-    folder = config.output_dir / "model"
+    """Make the data, train, examine, and say where the result is."""
+    if config.part not in RECIPES:
+        sys.exit(f"owlxt5-backbones: --part is one of {', '.join(RECIPES)}, not {config.part!r}")
     model: PreTrainedModel
     if config.part == "eyes":
         model, _ = train_eyes(config, EyesSizes())
     else:
-        model, _ = train_tongue(config, shipped_sizes(folder, config.seed))
-    model.half().save_pretrained(folder)
-    facts = {key: str(value) if isinstance(value, Path) else value for key, value in asdict(config).items()}
-    facts["minutes"] = round((time.perf_counter() - began) / 60, 1)
-    (folder / "training.json").write_text(json.dumps(facts, indent=2), encoding="utf-8")
-    print(f"The {config.part}: {folder}")
+        model, _ = train_tongue(config, shipped_sizes(config.model_dir, config.seed))
+    facts = {"command": config.command, "size": f"{model.num_parameters():,}"}
+    if config.part == "eyes":
+        table = write_eyes_card(config.model_dir, config.seed, **facts)
+    else:
+        table = write_tongue_card(
+            config.model_dir, config.seed, config.recipe.steps * config.recipe.batch_size, **facts
+        )
+    policy_option = "detector" if config.part == "eyes" else "language_model"
+    print(f"{table}\n\nThe {config.part}: {config.model_dir}")
+    print(f"Next: lerobot-train --policy.type=owlxt5 --policy.{policy_option}={config.model_dir} …")
 
 
 if __name__ == "__main__":

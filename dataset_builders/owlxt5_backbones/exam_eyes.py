@@ -52,7 +52,6 @@ def examine(
     *,
     among: Sequence[str] | None = None,
     size: tuple[int, int] = (240, 320),
-    threshold: float = 0.1,
     seed: int = 0,
 ) -> Grade:
     """Ask for each object of a set by name and by synonym, in scenes with three of them.
@@ -64,10 +63,9 @@ def examine(
         scenes: How many.
         among: Only these objects; all of the set by default.
         size: Height and width of the pictures.
-        threshold: Score below which nothing was found.
         seed: Of arrangements and places.
     """
-    detector = Owlv2Detector(eyes, None, threshold, CAMERA)
+    detector = Owlv2Detector(eyes, None, None, CAMERA)
     objects = [item for item in read_objects(suite) if among is None or item.name in among]
     simulation = TabletopSimulation(tuple(objects))
     random = np.random.default_rng(seed)
