@@ -13,8 +13,8 @@ from nico_tabletop.scene import build_model
 from owlxt5_backbones import card, queries, train
 from owlxt5_backbones.catalogue import CATEGORIES, COLOURS, HELD_OUT, draw_instance
 from owlxt5_backbones.exam_eyes import examine
-from owlxt5_backbones.eyes import Collator, EyesSizes, detection_loss, make_eyes
-from owlxt5_backbones.queries import draw_queries
+from owlxt5_backbones.eyes import Collator, EyesSizes, detection_loss, look, make_eyes
+from owlxt5_backbones.queries import NAMES, Query, draw_queries
 from owlxt5_backbones.scenes import HEIGHT, WIDTH, EyeWorld
 from owlxt5_backbones.train import BackbonesConfig, train_eyes
 
@@ -85,28 +85,36 @@ SCENE = [
 ]
 
 
-def test_queries_mean_what_they_say() -> None:
-    random = np.random.default_rng(0)
-    asked = {
-        query.text.removeprefix("a photo of a ").removeprefix("the ").removeprefix("a picture of the "): query
-        for _ in range(200)
-        for query in draw_queries(SCENE, random, 8)
-    }
-    assert asked["cube"].meant == (0, 1)
-    assert asked["scarlet block"].meant == (0,)
-    assert asked["cube on the right"].meant == (1,)
-    assert asked["bottle"].meant == (2,)
-    assert asked["mug"].meant == ()
-    assert asked["green cube"].meant == ()
-    # Nobody said which colour the bottle has.
-    assert not {f"{colour} {name}" for colour in ("red", "green") for name in ("bottle", "wine bottle")} & {
-        *asked
-    }
-    assert 0.4 < np.mean([bool(query.meant) for query in draw_queries(SCENE, random, 400)]) < 0.6
+@pytest.mark.parametrize(
+    ("query", "meant"),
+    [
+        (Query("cube"), (0, 1)),
+        (Query("block", "scarlet"), (0,)),
+        (Query("cube", "green"), ()),
+        (Query("cube", side="right"), (1,)),
+        (Query("cube", side="left"), (0,)),
+        (Query("bottle"), (2,)),
+        (Query("mug"), ()),
+        (Query("mug", "red"), ()),
+        (Query("mug", side="left"), ()),
+        # Nobody said which colour the bottle has, and there is only one.
+        (Query("bottle", "green"), None),
+        (Query("bottle", side="left"), None),
+    ],
+)
+def test_queries_mean_what_they_say(query: Query, meant: tuple[int, ...] | None) -> None:
+    assert query.meant(SCENE) == meant
 
 
-def test_queries_about_an_empty_table_mean_nothing() -> None:
-    assert all(query.meant == () for query in draw_queries([], np.random.default_rng(0), 20))
+def test_queries_are_all_names_and_others_that_fit_the_pictures() -> None:
+    drawn = draw_queries([SCENE, []], np.random.default_rng(0), 60)
+    assert len({*drawn}) == len(drawn) == len(NAMES) + 60
+    assert {Query(name) for name in NAMES} <= {*drawn}
+    others = drawn[len(NAMES) :]
+    assert sum(bool(query.meant(SCENE)) for query in others) > 5
+    assert sum(query.meant(SCENE) == () for query in others) > 20
+    assert all(query.meant([]) == () for query in drawn)
+    assert len(draw_queries([[]], np.random.default_rng(0), 60)) == len(drawn)
 
 
 def test_a_perfect_detection_costs_less_than_a_shifted_or_a_wrong_one() -> None:
@@ -119,13 +127,16 @@ def test_a_perfect_detection_costs_less_than_a_shifted_or_a_wrong_one() -> None:
     in_first = ((x - 0.3).abs() < 0.15) & ((y - 0.3).abs() < 0.15)
     found[0, in_first] = boxes[0, 0]
     logits = torch.full((1, 64, 2), -12.0)
-    inner = ((x - 0.3).abs() < 0.061) & ((y - 0.3).abs() < 0.061)
+    inner = ((x - 0.3).abs() < 0.081) & ((y - 0.3).abs() < 0.081)
     logits[0, inner, 0] = 12.0
-    perfect = detection_loss(logits, found, boxes, meant)
+    known = torch.ones(1, 2, dtype=torch.bool)
+    perfect = detection_loss(logits, found, boxes, meant, known)
     assert perfect < 0.01
-    assert detection_loss(logits, found + 0.05, boxes, meant) > perfect + 0.1
-    assert detection_loss(logits.flip(-1), found, boxes, meant) > perfect + 1
-    assert torch.isfinite(detection_loss(logits, found, torch.zeros_like(boxes), torch.zeros_like(meant)))
+    assert detection_loss(logits, found + 0.05, boxes, meant, known) > perfect + 0.1
+    assert detection_loss(logits.flip(-1), found, boxes, meant, known) > perfect + 1
+    assert detection_loss(logits.flip(-1), found, boxes, meant, ~known) < perfect + 0.01
+    nothing = detection_loss(logits, found, torch.zeros_like(boxes), torch.zeros_like(meant), known)
+    assert torch.isfinite(nothing)
 
 
 def test_flipped_pictures_keep_left_and_right_true(pictures: list[dict[str, Any]]) -> None:
@@ -135,9 +146,26 @@ def test_flipped_pictures_keep_left_and_right_true(pictures: list[dict[str, Any]
     assert batch["pixel_values"].shape == (len(pictures), 3, 64, 64)
     number = [len(picture["objects"]) for picture in pictures]
     assert [(row[:, 2] > 0).sum() for row in batch["boxes"]] == number
-    assert batch["meant"].any(dim=1).float().mean() > 0.2
+    assert batch["meant"].any(dim=1).any(dim=1).sum() > len(pictures) / 2
+    assert len(batch["input_ids"]) == batch["known"].shape[1] == batch["meant"].shape[2]
+    assert 0.5 < batch["known"].float().mean() < 1
     # A picture is padded at the bottom: nothing is below three quarters of the square.
     assert (batch["boxes"][..., 1] < HEIGHT / WIDTH).all()
+
+
+def test_asking_all_pictures_the_same_is_what_the_network_itself_computes(
+    pictures: list[dict[str, Any]],
+) -> None:
+    model, processor = make_eyes(TINY, 0)
+    model.eval()
+    batch = Collator(processor)(pictures[:2])
+    asked = {key: batch[key] for key in ("pixel_values", "input_ids", "attention_mask")}
+    with torch.no_grad():
+        logits, boxes = look(model, **asked)
+        repeated = {key: asked[key].repeat(2, 1) for key in ("input_ids", "attention_mask")}
+        whole = model(pixel_values=asked["pixel_values"], **repeated)
+    assert torch.allclose(logits, whole.logits, atol=1e-4)
+    assert torch.allclose(boxes, whole.pred_boxes, atol=1e-5)
 
 
 def test_the_tokenizer_spells_any_name() -> None:

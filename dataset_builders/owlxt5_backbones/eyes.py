@@ -22,14 +22,16 @@ from transformers import (  # type: ignore[attr-defined]
     Trainer,
 )
 
-from .queries import all_texts, draw_queries
+from .dice import pick
+from .queries import PATTERNS, all_texts, draw_queries
 
 NOTHING, START, END = "<|nothing|>", "<|startoftext|>", "<|endoftext|>"
-_QUERIES = 16
+# Queries with colours and sides in a batch, beside all names.
+_QUERIES = 96
 _PICTURES_AT_ONCE = 32
 _TEXT_TOKENS = 16
 # Patches whose middle lies in this inner share of a box are to find it.
-_INNER = 0.6
+_INNER = 0.8
 _L1_WEIGHT, _GIOU_WEIGHT = 5.0, 2.0
 # Logits are (cosine + shift) * (1 + scale). Most patches mean nothing: say so from the start, gently.
 _FIRST_SHIFT, _FIRST_SCALE = -0.4, 8.0
@@ -135,15 +137,15 @@ class Collator:
         """Collate rows of `scenes.EyeWorld.pictures`.
 
         Returns:
-            `pixel_values`, `input_ids`, `attention_mask` as the network takes them; `boxes` (batch, objects,
-            4), middle and edges, shares of the padded square, zero where there is no object; `meant` (batch,
-            objects, queries) bool.
+            `pixel_values`; `input_ids` and `attention_mask` of the queries, which are asked of all pictures;
+            `boxes` (batch, objects, 4), middle and edges, shares of the padded square, zero where there is no
+            object; `meant` (batch, objects, queries) bool; `known` (batch, queries), False where nobody could
+            say what is meant.
         """
         random = np.random.default_rng(int(torch.randint(2**62, ())))
-        images, boxes, queries = [], [], []
+        images, pictures = [], []
         for row in rows:
             image = torch.from_numpy(np.array(row["image"])).permute(2, 0, 1).float() / 255
-            height, width = image.shape[-2:]
             objects = [dict(item) for item in row["objects"]]
             if random.random() < 0.5:
                 image = image.flip(-1)
@@ -151,25 +153,51 @@ class Collator:
                     x0, y0, x1, y1 = item["box"]
                     item["box"] = [1 - x1, y0, 1 - x0, y1]
             images.append(self._relight(image).clamp(0, 1))
+            pictures.append(objects)
+        queries = draw_queries(pictures, random, _QUERIES)
+        most = max(1, *(len(objects) for objects in pictures))
+        boxes = torch.zeros(len(rows), most, 4)
+        meant = torch.zeros(len(rows), most, len(queries), dtype=torch.bool)
+        known = torch.ones(len(rows), len(queries), dtype=torch.bool)
+        for sample, (image, objects) in enumerate(zip(images, pictures, strict=True)):
+            height, width = image.shape[-2:]
             square = torch.tensor([width, height, width, height]) / max(height, width)
-            boxes.append(torch.tensor([item["box"] for item in objects]).view(-1, 4) * square)
-            asked = draw_queries(objects, random, _QUERIES)
-            queries.append([*asked, *asked * _QUERIES][:_QUERIES])
-        texts = [query.text for asked in queries for query in asked]
-        most = max(1, *(len(each) for each in boxes))
-        padded = torch.zeros(len(rows), most, 4)
-        meant = torch.zeros(len(rows), most, _QUERIES, dtype=torch.bool)
-        for sample, (each, asked) in enumerate(zip(boxes, queries, strict=True)):
-            padded[sample, : len(each)] = box_convert(each, "xyxy", "cxcywh")
-            for number, query in enumerate(asked):
-                meant[sample, list(query.meant), number] = True
+            corners = torch.tensor([item["box"] for item in objects]).view(-1, 4) * square
+            boxes[sample, : len(objects)] = box_convert(corners, "xyxy", "cxcywh")
+            for number, query in enumerate(queries):
+                indices = query.meant(objects)
+                known[sample, number] = indices is not None
+                meant[sample, list(indices or ()), number] = True
+        texts = [pick(random, PATTERNS).format(query.phrase) for query in queries]
         inputs = self._processor(
             text=texts, images=images, do_rescale=False, truncation=True, return_tensors="pt"
         )
-        return {**inputs, "boxes": padded, "meant": meant}
+        return {**inputs, "boxes": boxes, "meant": meant, "known": known}
 
 
-def detection_loss(logits: Tensor, found: Tensor, boxes: Tensor, meant: Tensor) -> Tensor:
+def look(
+    model: Any, pixel_values: Tensor, input_ids: Tensor, attention_mask: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Ask the same of all pictures, each text being encoded once.
+
+    Args:
+        model: An `Owlv2ForObjectDetection`, whose own call wants queries for each picture.
+        pixel_values: (batch, 3, height, width).
+        input_ids: (queries, tokens).
+        attention_mask: (queries, tokens).
+
+    Returns:
+        Logits (batch, patches, queries) and boxes (batch, patches, 4), middle and edges.
+    """
+    texts, pictures, _ = model.image_text_embedder(
+        input_ids=input_ids, pixel_values=pixel_values, attention_mask=attention_mask
+    )
+    patches = pictures.flatten(1, 2)
+    logits, _ = model.class_predictor(patches, texts.expand(len(patches), -1, -1))
+    return logits, model.box_predictor(patches, pictures)
+
+
+def detection_loss(logits: Tensor, found: Tensor, boxes: Tensor, meant: Tensor, known: Tensor) -> Tensor:
     """Loss of dense detection: each patch in the inner part of an object says so and finds its box.
 
     Our decision: OWLv2's own set matching needs ten times the pictures where all boxes are known.
@@ -179,6 +207,7 @@ def detection_loss(logits: Tensor, found: Tensor, boxes: Tensor, meant: Tensor) 
         found: (batch, patches, 4) boxes, middle and edges.
         boxes: (batch, objects, 4) true boxes; zero where there is no object.
         meant: (batch, objects, queries) bool.
+        known: (batch, queries) bool; what is not known costs nothing.
     """
     side = round(logits.shape[1] ** 0.5)
     middle = (torch.arange(side, device=boxes.device) + 0.5) / side
@@ -190,7 +219,8 @@ def detection_loss(logits: Tensor, found: Tensor, boxes: Tensor, meant: Tensor) 
     inner |= nearest == nearest.amin(dim=1, keepdim=True)
     inner &= real[:, None]
     says = torch.einsum("bpo,boq->bpq", inner.float(), meant.float()) > 0
-    focal = sigmoid_focal_loss(logits.float(), says.float(), alpha=0.5, gamma=2.0, reduction="sum")
+    focal = sigmoid_focal_loss(logits.float(), says.float(), alpha=0.5, gamma=2.0, reduction="none")
+    focal = (focal * known[:, None]).sum()
     # A patch in two boxes belongs to the nearer middle.
     own = nearest.masked_fill(~inner, torch.inf).argmin(dim=-1)
     sample, place = inner.any(dim=-1).nonzero(as_tuple=True)
@@ -214,10 +244,12 @@ class EyesTrainer(Trainer):
         num_items_in_batch: Tensor | int | None = None,
     ) -> Any:
         """The loss of a batch of `Collator`."""
-        boxes, meant = inputs.pop("boxes"), inputs.pop("meant")
-        outputs = model(**inputs)
-        loss = detection_loss(outputs.logits, outputs.pred_boxes, boxes, meant)
-        return (loss, outputs) if return_outputs else loss
+        truth = [inputs.pop(key) for key in ("boxes", "meant", "known")]
+        # The trainer lowers the precision of the network's own call alone.
+        with self.accelerator.autocast():
+            logits, found = look(model, **inputs)
+        loss = detection_loss(logits, found, *truth)
+        return (loss, logits) if return_outputs else loss
 
 
 @torch.no_grad()
@@ -241,9 +273,9 @@ def find_threshold(
         batch = collate(
             [pictures[row] for row in range(start, min(start + _PICTURES_AT_ONCE, len(pictures)))]
         )
-        there.append(batch.pop("meant").any(dim=1).flatten())
-        del batch["boxes"]
-        scores.append(model(**batch).logits.sigmoid().amax(dim=1).flatten())
+        meant, known, _ = (batch.pop(key) for key in ("meant", "known", "boxes"))
+        there.append(meant.any(dim=1)[known])
+        scores.append(look(model, **batch)[0].sigmoid().amax(dim=1)[known])
     score, is_there = torch.cat(scores), torch.cat(there)
     candidates = torch.linspace(0.02, 0.98, 97)
     missed = (score[is_there] < candidates[:, None]).float().mean(dim=1)

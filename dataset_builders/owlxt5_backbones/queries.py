@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What one may ask about a picture, and which of its objects are meant."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,117 +9,72 @@ import numpy as np
 from .catalogue import CATEGORIES, COLOURS
 from .dice import pick
 
-_NAMES = sorted({name for names, _ in CATEGORIES.values() for name in names})
+NAMES = sorted({name for names, _ in CATEGORIES.values() for name in names})
+"""All names of all categories."""
 _COLOUR_NAMES = sorted({name for names, _ in COLOURS.values() for name in names})
+_SIDES = ("left", "right")
 # The policy asks `a photo of a {name}`; the others keep the eyes from knowing that one alone.
-_PATTERNS = ("a photo of a {}", "a photo of a {}", "{}", "the {}", "a picture of the {}")
-_MOST_ASKED_TWICE = 20
+PATTERNS = ("a photo of a {}", "a photo of a {}", "{}", "the {}", "a picture of the {}")
+
+Objects = Sequence[Mapping[str, Any]]
+"""`names`, `colours` and `box` of each object of a picture."""
 
 
 class Query(NamedTuple):
-    """A text and the objects that it means.
+    """Something to look for: what is called so, of this colour, or the one farthest to this side."""
 
-    Attributes:
-        text: As the eyes' text encoder gets it.
-        meant: Indices of the picture's objects; none if what is asked for is not there.
-    """
+    name: str
+    colour: str | None = None
+    side: str | None = None
 
-    text: str
-    meant: tuple[int, ...]
+    @property
+    def phrase(self) -> str:
+        """In words."""
+        words = f"{self.colour} {self.name}" if self.colour else self.name
+        return f"{words} on the {self.side}" if self.side else words
+
+    def meant(self, objects: Objects) -> tuple[int, ...] | None:
+        """Indices of the objects that are meant, none if it is not there; None if nobody could say.
+
+        Nobody could say whether an object without a colour's name is red, or which of one is on the left.
+        """
+        called = tuple(index for index, item in enumerate(objects) if self.name in item["names"])
+        if self.colour:
+            if any(not objects[index]["colours"] for index in called):
+                return None
+            return tuple(index for index in called if self.colour in objects[index]["colours"])
+        if self.side and called:
+            if len(called) == 1:
+                return None
+            choose = min if self.side == "left" else max
+            return (choose(called, key=lambda index: objects[index]["box"][0]),)
+        return called
 
 
-def draw_queries(
-    objects: Sequence[Mapping[str, Any]], random: np.random.Generator, count: int
-) -> list[Query]:
-    """Draw queries about a picture: half of them about what is there, the others about what is not.
+def draw_queries(pictures: Sequence[Objects], random: np.random.Generator, others: int) -> list[Query]:
+    """All names, and some queries with colours and sides that make sense in one of the pictures or another.
 
     Args:
-        objects: `names`, `colours` and `box` of each object of the picture.
+        pictures: The objects of each.
         random: Where the choices come from.
-        count: How many.
+        others: How many queries with colours and sides.
     """
-    queries: list[Query] = []
-    for _ in range(count * _MOST_ASKED_TWICE):
-        if len(queries) == count:
-            break
-        present = bool(objects) and random.random() < 0.5
-        kinds = _PRESENT if present else _ABSENT
-        ask = kinds[int(random.integers(len(kinds)))]
-        phrase, meant = ask(objects, random)
-        if phrase and bool(meant) == present:
-            pattern = _PATTERNS[int(random.integers(len(_PATTERNS)))]
-            queries.append(Query(pattern.format(phrase), meant))
-    return queries or [Query("a photo of nothing", ())]
-
-
-def _called(objects: Sequence[Mapping[str, Any]], name: str) -> tuple[int, ...]:
-    return tuple(index for index, item in enumerate(objects) if name in item["names"])
-
-
-def _coloured(objects: Sequence[Mapping[str, Any]], colour: str, name: str) -> tuple[str, tuple[int, ...]]:
-    """Objects of this name and colour; no phrase if one of this name has no colour to be called by."""
-    called = _called(objects, name)
-    if any(not objects[index]["colours"] for index in called):
-        return "", ()
-    return f"{colour} {name}", tuple(index for index in called if colour in objects[index]["colours"])
-
-
-Ask = Callable[[Sequence[Mapping[str, Any]], np.random.Generator], tuple[str, tuple[int, ...]]]
-
-
-def _name(objects: Sequence[Mapping[str, Any]], random: np.random.Generator) -> tuple[str, tuple[int, ...]]:
-    name = pick(random, pick(random, objects)["names"])
-    return name, _called(objects, name)
-
-
-def _colour_and_name(
-    objects: Sequence[Mapping[str, Any]], random: np.random.Generator
-) -> tuple[str, tuple[int, ...]]:
-    item = pick(random, objects)
-    if not item["colours"]:
-        return "", ()
-    return _coloured(objects, pick(random, item["colours"]), pick(random, item["names"]))
-
-
-def _side(objects: Sequence[Mapping[str, Any]], random: np.random.Generator) -> tuple[str, tuple[int, ...]]:
-    """The left or the right one of two or more of the same name."""
-    name = pick(random, pick(random, objects)["names"])
-    called = _called(objects, name)
-    if len(called) < 2:
-        return "", ()
-    side, choose = pick(random, (("left", min), ("right", max)))
-    return f"{name} on the {side}", (choose(called, key=lambda index: objects[index]["box"][0]),)
-
-
-def _other_name(
-    objects: Sequence[Mapping[str, Any]], random: np.random.Generator
-) -> tuple[str, tuple[int, ...]]:
-    name = pick(random, _NAMES)
-    return name, _called(objects, name)
-
-
-def _other_colour(
-    objects: Sequence[Mapping[str, Any]], random: np.random.Generator
-) -> tuple[str, tuple[int, ...]]:
-    """Something of a name that is there, in a colour that is not."""
-    name = pick(random, pick(random, objects)["names"]) if objects else pick(random, _NAMES)
-    return _coloured(objects, pick(random, _COLOUR_NAMES), name)
-
-
-def _other_name_in_the_colour(
-    objects: Sequence[Mapping[str, Any]], random: np.random.Generator
-) -> tuple[str, tuple[int, ...]]:
-    """Something of a colour that is there, with a name that is not."""
-    colours = [colour for item in objects for colour in item["colours"]]
-    return _coloured(objects, pick(random, colours or _COLOUR_NAMES), pick(random, _NAMES))
-
-
-_PRESENT: tuple[Ask, ...] = (_name, _name, _colour_and_name, _side)
-_ABSENT: tuple[Ask, ...] = (_other_name, _other_name, _other_colour, _other_name_in_the_colour)
+    queries = dict.fromkeys(Query(name) for name in NAMES)
+    there = [item for objects in pictures for item in objects]
+    while len(queries) < len(NAMES) + others:
+        names = pick(random, there)["names"] if there and random.random() < 0.8 else NAMES
+        colours = pick(random, there)["colours"] if there and random.random() < 0.7 else ()
+        if random.random() < 0.2:
+            query = Query(pick(random, names), side=pick(random, _SIDES))
+        else:
+            query = Query(pick(random, names), pick(random, colours or _COLOUR_NAMES))
+        queries[query] = None
+    return [*queries]
 
 
 def all_texts() -> list[str]:
     """Every name and every name with a colour, in each pattern: what the tokenizer is fitted to."""
-    phrases = [*_NAMES, *(f"{colour} {name}" for colour in _COLOUR_NAMES for name in _NAMES)]
-    phrases += [f"{name} on the {side}" for name in _NAMES for side in ("left", "right")]
-    return [pattern.format(phrase) for pattern in dict.fromkeys(_PATTERNS) for phrase in phrases]
+    phrases = [Query(name).phrase for name in NAMES]
+    phrases += [Query(name, colour).phrase for colour in _COLOUR_NAMES for name in NAMES]
+    phrases += [Query(name, side=side).phrase for name in NAMES for side in _SIDES]
+    return [pattern.format(phrase) for pattern in dict.fromkeys(PATTERNS) for phrase in phrases]

@@ -91,6 +91,7 @@ def _arguments(config: BackbonesConfig) -> TrainingArguments:
         per_device_train_batch_size=recipe.batch_size,
         learning_rate=recipe.learning_rate,
         weight_decay=0.02,
+        adam_beta2=0.98,
         warmup_steps=min(500, recipe.steps // 20),
         lr_scheduler_type="cosine",
         bf16=True,
