@@ -20,10 +20,10 @@ HEIGHT, WIDTH = 240, 320
 """Size of the pictures."""
 
 PICTURES_OF_A_WORLD = 48
-_OBJECTS_IN_A_WORLD = 24
-_MOST_ON_THE_TABLE = 6
+_OBJECTS_IN_A_WORLD = 30
+_FEWEST_ON_THE_TABLE, _MOST_ON_THE_TABLE = 2, 12
 # Where objects may stand, metres: a little more than the region in which the robot acts.
-_NEAREST, _FARTHEST, _ASIDE = 0.28, 0.46, 0.26
+_NEAREST, _FARTHEST, _ASIDE = 0.26, 0.5, 0.27
 _APART = 0.075
 _TRIES = 200
 # Of an object of which less is seen nobody can say what it is.
@@ -139,9 +139,9 @@ class EyeWorld:
     def _place(self) -> list[int]:
         """Put some of the objects on the table and the others away; their indices."""
         random = self._random
-        count = int(random.integers(1, _MOST_ON_THE_TABLE, endpoint=True))
+        count = int(random.integers(_FEWEST_ON_THE_TABLE, _MOST_ON_THE_TABLE, endpoint=True))
         chosen = random.choice(len(self.instances), count, replace=False).tolist()
-        if count > 1 and random.random() < _TWINS:
+        if random.random() < _TWINS:
             alike = [
                 other
                 for other, instance in enumerate(self.instances)
