@@ -26,6 +26,7 @@ from .episodes import (
     recover_actions,
 )
 from .language import SplitT5
+from .pretrained import EMBEDDED
 
 if TYPE_CHECKING:
     from lerobot.datasets import LeRobotDatasetMetadata
@@ -275,11 +276,15 @@ class CrossmodalPolicy(PreTrainedPolicy):
         seed = int(self.training_seed)
         return [np.random.default_rng([seed, frame]) for frame in index.flatten().tolist()]
 
+    @property
+    def _meets_made_up_names(self) -> bool:
+        return self.config.train_language_model or self.config.language_model == EMBEDDED
+
     def _choose_words(self, task: str, texts: EpisodeTexts, dice: np.random.Generator) -> tuple[str, str]:
-        """Task and wording of it to train with; both with a made-up name, if T5 has names to learn."""
+        """Task and wording of it to train with; now and then, for a small T5, both with a made-up name."""
         wordings = texts.wordings or (task,)
         wording = wordings[dice.integers(len(wordings))]
-        if self.config.train_language_model and dice.random() < made_up_names.SHARE:
+        if self._meets_made_up_names and dice.random() < made_up_names.SHARE:
             name = made_up_names.draw_name(dice)
             return made_up_names.rename_object(task, name), made_up_names.rename_object(wording, name)
         return task, wording

@@ -119,38 +119,70 @@ def test_queries_are_all_names_and_others_that_fit_the_pictures() -> None:
 
 def test_a_perfect_detection_costs_less_than_a_shifted_or_a_wrong_one() -> None:
     boxes = torch.tensor([[[0.3, 0.3, 0.2, 0.2], [0.7, 0.6, 0.1, 0.2], [0.0, 0.0, 0.0, 0.0]]])
-    meant = torch.tensor([[[True, False], [False, False], [False, False]]])
-    found = torch.zeros(1, 64, 4)
-    found[:] = boxes[0, 1]
-    patch = torch.arange(64)
-    x, y = (patch % 8 + 0.5) / 8, (patch // 8 + 0.5) / 8
-    in_first = ((x - 0.3).abs() < 0.15) & ((y - 0.3).abs() < 0.15)
-    found[0, in_first] = boxes[0, 0]
-    logits = torch.full((1, 64, 2), -12.0)
-    inner = ((x - 0.3).abs() < 0.081) & ((y - 0.3).abs() < 0.081)
-    logits[0, inner, 0] = 12.0
+    says = torch.tensor([[[True, False], [False, False], [False, False]]])
     known = torch.ones(1, 2, dtype=torch.bool)
-    perfect = detection_loss(logits, found, boxes, meant, known)
+    logits = torch.where(says, 12.0, -12.0)
+    perfect = detection_loss(logits, boxes, says, boxes, known)
     assert perfect < 0.01
-    assert detection_loss(logits, found + 0.05, boxes, meant, known) > perfect + 0.1
-    assert detection_loss(logits.flip(-1), found, boxes, meant, known) > perfect + 1
-    assert detection_loss(logits.flip(-1), found, boxes, meant, ~known) < perfect + 0.01
-    nothing = detection_loss(logits, found, torch.zeros_like(boxes), torch.zeros_like(meant), known)
+    assert detection_loss(logits, boxes + 0.05, says, boxes, known) > perfect + 0.1
+    assert detection_loss(logits.flip(-1), boxes, says, boxes, known) > perfect + 1
+    assert detection_loss(logits.flip(-1), boxes, says, boxes, ~known) < perfect + 0.01
+    nothing = detection_loss(logits, boxes, says & False, torch.zeros_like(boxes), known)
     assert torch.isfinite(nothing)
 
 
 def test_flipped_pictures_keep_left_and_right_true(pictures: list[dict[str, Any]]) -> None:
     _, processor = make_eyes(TINY, 0)
     torch.manual_seed(0)
-    batch = Collator(processor)(pictures)
+    batch = Collator(processor, 4)(pictures)
     assert batch["pixel_values"].shape == (len(pictures), 3, 64, 64)
-    number = [len(picture["objects"]) for picture in pictures]
-    assert [(row[:, 2] > 0).sum() for row in batch["boxes"]] == number
-    assert batch["meant"].any(dim=1).any(dim=1).sum() > len(pictures) / 2
-    assert len(batch["input_ids"]) == batch["known"].shape[1] == batch["meant"].shape[2]
+    assert batch["patches"].sort(dim=1).values.tolist() == [[*range(16)]] * len(pictures)
+    assert batch["says"].shape == (len(pictures), 16, len(batch["input_ids"]))
+    assert batch["says"].any(dim=1).any(dim=1).sum() > len(pictures) / 2
+    assert len(batch["input_ids"]) == batch["known"].shape[1]
     assert 0.5 < batch["known"].float().mean() < 1
     # A picture is padded at the bottom: nothing is below three quarters of the square.
     assert (batch["boxes"][..., 1] < HEIGHT / WIDTH).all()
+    collate = Collator(processor, 4)
+    rightmost = {float(collate(pictures[:1])["boxes"][0, :, 0].max()) for _ in range(9)}
+    assert len(rightmost) == 2  # as it is and flipped
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_patches_with_an_object_are_looked_at_and_find_it(pictures: list[dict[str, Any]], count: int) -> None:
+    _, processor = make_eyes(TINY, 0)
+    item = {"names": ["mug"], "colours": ["red"], "box": [0.5, 0.4, 0.7, 0.8]}
+    collate = Collator(processor, 16, 64)
+    batches = [collate([{**pictures[0], "objects": [item] * count}]) for _ in range(12)]
+    assert {batch["patches"].shape[1] for batch in batches} <= {64, 256}
+    for batch in batches:
+        patches, says, boxes = (batch[key][0] for key in ("patches", "says", "boxes"))
+        x, y = (patches % 16 + 0.5) / 16, (patches // 16 + 0.5) / 16
+        found = boxes[:, 2] > 0
+        assert torch.equal(found, says[:, NAMES.index("mug")])
+        assert not says[:, NAMES.index("banana")].any()
+        if count:
+            centre = boxes[found][:, :2].mean(dim=0)
+            assert min(abs(centre[0] - 0.6), abs(centre[0] - 0.4)) < 1e-6
+            assert abs(centre[1] - 0.6 * HEIGHT / WIDTH) < 1e-6
+            # 0.16 by 0.24 of the square, in patches of a sixteenth.
+            assert found.sum() in (6, 8, 9, 12)
+            assert ((x - centre[0]).abs() <= 0.081)[found].all()
+            assert ((y - centre[1]).abs() <= 0.121)[found].all()
+        else:
+            assert not found.any()
+
+
+def test_prepared_pictures_are_what_the_processor_makes(pictures: list[dict[str, Any]]) -> None:
+    _, processor = make_eyes(EyesSizes(), 0)
+    picture = {**pictures[0], "image": np.full((240, 320, 3), 128, dtype=np.uint8)}
+    picture["image"][100:140, 60:120] = 30
+    collate = Collator(processor, 16)
+    collate._relight = torch.nn.Identity()
+    mine = collate([picture])["pixel_values"][0]
+    theirs = processor(images=picture["image"], return_tensors="pt")["pixel_values"][0]
+    nearest = min((mine - each).abs().mean() for each in (theirs, theirs.flip(-1)))
+    assert nearest < 0.01
 
 
 def test_asking_all_pictures_the_same_is_what_the_network_itself_computes(
@@ -158,14 +190,15 @@ def test_asking_all_pictures_the_same_is_what_the_network_itself_computes(
 ) -> None:
     model, processor = make_eyes(TINY, 0)
     model.eval()
-    batch = Collator(processor)(pictures[:2])
+    batch = Collator(processor, 4)(pictures[:2])
     asked = {key: batch[key] for key in ("pixel_values", "input_ids", "attention_mask")}
     with torch.no_grad():
-        logits, boxes = look(model, **asked)
+        logits, boxes = look(model, **asked, patches=batch["patches"])
         repeated = {key: asked[key].repeat(2, 1) for key in ("input_ids", "attention_mask")}
         whole = model(pixel_values=asked["pixel_values"], **repeated)
-    assert torch.allclose(logits, whole.logits, atol=1e-4)
-    assert torch.allclose(boxes, whole.pred_boxes, atol=1e-5)
+    for sample, patches in enumerate(batch["patches"]):
+        assert torch.allclose(logits[sample], whole.logits[sample, patches], atol=1e-4)
+        assert torch.allclose(boxes[sample], whole.pred_boxes[sample, patches], atol=1e-5)
 
 
 def test_the_tokenizer_spells_any_name() -> None:

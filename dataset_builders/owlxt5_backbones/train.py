@@ -27,6 +27,8 @@ from .pictures import make_pictures
 from .tongue import Lessons, Tokens, make_tongue, shipped_sizes
 
 _OTHER_PICTURES = 480
+# Patches to look at, of 256.
+_PATCHES = 96
 
 
 class Recipe(NamedTuple):
@@ -37,7 +39,7 @@ class Recipe(NamedTuple):
     learning_rate: float
 
 
-RECIPES = {"eyes": Recipe(3000, 32, 8e-4), "tongue": Recipe(8000, 64, 1.5e-3)}
+RECIPES = {"eyes": Recipe(7500, 48, 2e-3), "tongue": Recipe(8000, 64, 1.5e-3)}
 
 
 @dataclass
@@ -52,7 +54,7 @@ class BackbonesConfig:
     steps: int | None = None
     # Pictures, or sentences, in a step.
     batch_size: int | None = None
-    # Highest learning rate of AdamW; it warms up and then falls with a cosine.
+    # Highest learning rate of the tongue's AdamW or the eyes' Muon; it warms up and then falls with a cosine.
     learning_rate: float | None = None
     # Pictures to render for the eyes; each is seen several times, never with the same questions.
     pictures: int = 30_000
@@ -120,7 +122,9 @@ def train_eyes(config: BackbonesConfig, sizes: EyesSizes) -> tuple[Owlv2ForObjec
     pictures = make_pictures(config.output_dir / "pictures", config.pictures, config.seed, workers)
     others = make_pictures(config.output_dir / "other_pictures", _OTHER_PICTURES, config.seed + 1, workers)
     model, processor = make_eyes(sizes, config.seed)
-    losses = _train(EyesTrainer(model, _arguments(config), Collator(processor), train_dataset=pictures))
+    collate = Collator(processor, model.num_patches_width, _PATCHES)
+    trainer = EyesTrainer(model, _arguments(config), data_collator=collate, train_dataset=pictures)
+    losses = _train(trainer)
     model.eval()
     model.config.score_threshold = find_threshold(model, processor, others, config.seed)
     processor.save_pretrained(config.model_dir)
