@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Made-up names of objects, for a language model that is trained along.
+"""Made-up names of objects, for small language models: the embedded one, or one that is trained along.
 
-A pretrained T5 knows that "ball" is a name as "red" is one. A T5 that begins with random weights knows the
-few names of its training data alone, and any other name would disturb it. Where the object is comes from the
-detector, and what to call it stands in the prompt: so any name may take the place of the true one, and the
-model learns to move whatever the name is and to repeat names that it never saw. This is our addition to the
-paper.
+A pretrained T5 knows that "ball" is a name as "red" is one. A small T5 knows few names, and one that begins
+with random weights those of its training data alone: any other name would disturb the movement. Where the
+object is comes from the detector, and what to call it stands in the prompt: so any name may take the place of
+the true one, and the policy learns to move whatever the name is and to repeat names that it never saw. This
+is our addition to the paper.
 """
 
 import string

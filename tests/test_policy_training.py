@@ -172,23 +172,24 @@ def test_lessons(dataset: LeRobotDataset, t5: Path) -> None:
                     assert text == ""
 
 
-def test_only_a_language_model_that_learns_meets_made_up_names(dataset: LeRobotDataset, t5: Path) -> None:
-    for learns in (False, True):
-        policy, preprocessor, _ = make(
-            dataset, t5, train_language_model=learns, mode_probabilities={"describe": 1.0}
-        )
-        batch = load_batch(dataset.root, list(range(dataset.num_frames)), preprocessor)
-        policy.train()
-        lessons = policy._make_lessons(batch)
-        true = [f"describe: {task.split()[-1]}" for task in batch["task"]]
-        renamed = [
-            prompt for prompt, expected in zip(lessons.prompts, true, strict=True) if prompt != expected
-        ]
-        assert bool(renamed) == learns
-        for prompt, text in zip(lessons.prompts, lessons.texts, strict=True):
-            assert text.endswith(prompt.removeprefix("describe:"))
-        policy.eval()
-        assert policy._make_lessons(batch).prompts == true
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [({}, False), ({"train_language_model": True}, True), ({"language_model": "embedded"}, True)],
+)
+def test_only_a_small_language_model_meets_made_up_names(
+    dataset: LeRobotDataset, t5: Path, options: dict[str, Any], expected: bool
+) -> None:
+    policy, preprocessor, _ = make(dataset, t5, mode_probabilities={"describe": 1.0}, **options)
+    batch = load_batch(dataset.root, list(range(dataset.num_frames)), preprocessor)
+    policy.train()
+    lessons = policy._make_lessons(batch)
+    true = [f"describe: {task.split()[-1]}" for task in batch["task"]]
+    renamed = [prompt for prompt, unchanged in zip(lessons.prompts, true, strict=True) if prompt != unchanged]
+    assert bool(renamed) == expected
+    for prompt, text in zip(lessons.prompts, lessons.texts, strict=True):
+        assert text.endswith(prompt.removeprefix("describe:"))
+    policy.eval()
+    assert policy._make_lessons(batch).prompts == true
 
 
 def test_without_texts_the_other_modes_share(tmp_path: Path, t5: Path) -> None:

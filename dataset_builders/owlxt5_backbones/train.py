@@ -39,7 +39,7 @@ class Recipe(NamedTuple):
     learning_rate: float
 
 
-RECIPES = {"eyes": Recipe(7500, 48, 2e-3), "tongue": Recipe(8000, 64, 1.5e-3)}
+RECIPES = {"eyes": Recipe(5000, 48, 2e-3), "tongue": Recipe(8000, 64, 1.5e-3)}
 
 
 @dataclass
