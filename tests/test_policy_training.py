@@ -18,6 +18,7 @@ from lerobot_owlxt5 import modes
 from lerobot_owlxt5.episodes import recover_actions
 from lerobot_owlxt5.joint_range import share_joint_range
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
+from lerobot_owlxt5.pretrained import EMBEDDED
 from policy_helpers import (
     ENDS,
     EYES,
@@ -173,13 +174,17 @@ def test_lessons(dataset: LeRobotDataset, t5: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "expected"),
-    [({}, False), ({"train_language_model": True}, True), ({"language_model": "embedded"}, True)],
+    ("embedded", "learns", "expected"), [(False, False, False), (False, True, True), (True, False, True)]
 )
 def test_only_a_small_language_model_meets_made_up_names(
-    dataset: LeRobotDataset, t5: Path, options: dict[str, Any], expected: bool
+    dataset: LeRobotDataset, t5: Path, embedded: bool, learns: bool, expected: bool
 ) -> None:
-    policy, preprocessor, _ = make(dataset, t5, mode_probabilities={"describe": 1.0}, **options)
+    policy, preprocessor, _ = make(
+        dataset,
+        Path(EMBEDDED) if embedded else t5,
+        train_language_model=learns,
+        mode_probabilities={"describe": 1.0},
+    )
     batch = load_batch(dataset.root, list(range(dataset.num_frames)), preprocessor)
     policy.train()
     lessons = policy._make_lessons(batch)
