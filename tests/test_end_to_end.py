@@ -145,8 +145,8 @@ def test_adapters_are_trained_and_evaluated(folder: Path, checkpoints: Path):
     )
 
 
-def test_bf16_trains_and_acts(folder: Path):
-    last = train(folder, "bf16", "--policy.use_amp=true") / "last"
+def test_bf16_trains_and_acts_on_what_the_embedded_eyes_see(folder: Path):
+    last = train(folder, "bf16", "--policy.use_amp=true", "--policy.detector=embedded") / "last"
     assert all(
         tensor.dtype != torch.bfloat16 and tensor.isfinite().all() for tensor in weights(last).values()
     )

@@ -187,6 +187,17 @@ def test_the_embedded_tongue_speaks_and_a_checkpoint_notes_which_it_was(tmp_path
         OWLxT5Policy.from_pretrained(tmp_path)
 
 
+def test_a_checkpoint_notes_which_embedded_eyes_it_was_trained_with(t5: Path, tmp_path: Path) -> None:
+    make_policy(t5, detector="embedded").save_pretrained(tmp_path)
+    config = json.loads((tmp_path / "config.json").read_text())
+    assert len(config["detector_revision"]) == 12
+    assert 0 < OWLxT5Policy.from_pretrained(tmp_path).detector.threshold < 1
+    config["detector_revision"] = "0" * 12
+    (tmp_path / "config.json").write_text(json.dumps(config))
+    with pytest.raises(ValueError, match=r"other embedded eyes \(0{12}\).*train again"):
+        OWLxT5Policy.from_pretrained(tmp_path)
+
+
 def load(checkpoint: Path, overrides: list[str]) -> OWLxT5Policy:
     """Load a checkpoint as `--policy.path` does, with options that follow it."""
     config = PreTrainedConfig.from_pretrained(checkpoint, cli_overrides=overrides)

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Draws success against the distance from the slots: python benchmarks/distance.py PICTURE NAME=EVAL_INFO...
+
+Each EVAL_INFO is an `eval_info.json` of `lerobot-eval --env.placement=free --eval.batch_size=1` with
+LeRobot's own seed. It does not say where objects stood; but the environment's seeds tell, as they are counted
+up from there. The distance is that of the object acted on to the nearest of CLANT's slots.
+"""
+
+import json
+import sys
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from lerobot.configs.eval import EvalPipelineConfig
+from matplotlib.ticker import PercentFormatter
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+from scipy.stats import binomtest
+from tqdm import tqdm
+
+from nico_tabletop.env import TabletopEnv
+from nico_tabletop.placement import SLOT_POSES
+from nico_tabletop.scoring import Outcome
+from nico_tabletop.tasks import ACTIONS
+
+BINS_CM = [*pairwise((0, 1, 2, 3, 4, 5, 6, 8))]
+FIRST_SEED = EvalPipelineConfig.__dataclass_fields__["seed"].default
+
+
+def _trials(path: Path) -> Iterator[tuple[float, float]]:
+    """Distance in cm and reward of each episode."""
+    tasks = json.loads(path.read_text(encoding="utf-8"))["per_task"]
+    slots = np.array([(pose.x, pose.y) for pose in SLOT_POSES])
+    for task in tqdm(tasks, desc=str(path.parent), unit="action"):
+        action = ACTIONS[task["task_id"]]
+        env = TabletopEnv(task["task_group"], action.name, placement="free")
+        for number, reward in enumerate(task["metrics"]["sum_rewards"]):
+            _, info = env.reset(seed=FIRST_SEED + number)
+            pose = info["poses"][action.slot]
+            yield 100 * np.hypot(*(slots - (pose.x, pose.y)).T).min(), reward
+        env.close()
+
+
+def _shares(trials: NDArray[np.float64], reward: float) -> Iterator[tuple[float, float, float, int]]:
+    """Share of at least this reward in each bin, its 95 % interval (Wilson), and the number of episodes."""
+    for start, end in BINS_CM:
+        rewards = trials[(trials[:, 0] >= start) & (trials[:, 0] < end), 1]
+        if not rewards.size:
+            yield np.nan, np.nan, np.nan, 0
+            continue
+        right = int((rewards >= reward).sum())
+        interval = binomtest(right, rewards.size).proportion_ci(method="wilson")
+        yield right / rewards.size, interval.low, interval.high, rewards.size
+
+
+def main() -> None:
+    """Read, count and draw."""
+    picture = Path(sys.argv[1])
+    figure, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")
+    middles = [(start + end) / 2 for start, end in BINS_CM]
+    table = Table(title="Perfect, by distance of the object from the nearest slot")
+    for heading in ("policy", *(f"{a} to {b} cm" for a, b in BINS_CM), "all"):
+        table.add_column(heading)
+    for name, _, path in (text.partition("=") for text in sys.argv[2:]):
+        trials = np.array([*_trials(Path(path))])
+        share, low, high, count = np.array([*_shares(trials, Outcome.PERFECT.reward)]).T
+        [line] = axes.plot(middles, share, marker=".", label=name)
+        axes.fill_between(middles, low, high, alpha=0.2, color=line.get_color())
+        cells = [f"{each:.0%} of {int(number)}" for each, number in zip(share, count, strict=True)]
+        table.add_row(name, *cells, f"{(trials[:, 1] >= Outcome.PERFECT.reward).mean():.1%} of {len(trials)}")
+    axes.set(xlabel="distance from the nearest slot, cm", ylabel="perfect", ylim=(0, 1.02))
+    axes.yaxis.set_major_formatter(PercentFormatter(1))
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.savefig(picture, dpi=100)
+    Console().print(table)
+    print(f"Picture: {picture}")
+
+
+if __name__ == "__main__":
+    main()
