@@ -13,7 +13,9 @@ from nico_tabletop.scene import build_model
 from owlxt5_backbones import card, queries, train
 from owlxt5_backbones.catalogue import CATEGORIES, COLOURS, HELD_OUT, draw_instance
 from owlxt5_backbones.exam_eyes import examine
-from owlxt5_backbones.eyes import Collator, EyesSizes, detection_loss, look, make_eyes
+from owlxt5_backbones.eyes import EyesSizes, look, make_eyes
+from owlxt5_backbones.eyes_batches import Collator
+from owlxt5_backbones.eyes_training import detection_loss
 from owlxt5_backbones.queries import NAMES, Query, draw_queries
 from owlxt5_backbones.scenes import HEIGHT, WIDTH, EyeWorld
 from owlxt5_backbones.train import BackbonesConfig, train_eyes

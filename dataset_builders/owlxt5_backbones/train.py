@@ -22,7 +22,9 @@ from clant_claeo.workers import usable_cores
 from lerobot_owlxt5.backbones import SmallT5Config
 
 from .card import write_eyes_card, write_tongue_card
-from .eyes import Collator, EyesSizes, EyesTrainer, find_threshold, make_eyes
+from .eyes import EyesSizes, make_eyes
+from .eyes_batches import Collator
+from .eyes_training import EyesTrainer, find_threshold
 from .pictures import make_pictures
 from .tongue import Lessons, Tokens, make_tongue, shipped_sizes
 
