@@ -5,7 +5,7 @@ Paper's sizes, batches of 64 in the default mix of modes, a T5-small with random
 detector (ground truth). Data loading is excluded: the batches lie in memory. Prints the seconds of a training
 step (forward, backward, Adam) in float32 and under bfloat16 autocast, with the share of the speed at which
 the same machine multiplies matrices, the milliseconds of the first and of every later `select_action`, and
-the seconds that OWLv2-base looks at an image.
+how long OWLv2-base and the embedded eyes look at an image.
 """
 
 import sys
@@ -29,6 +29,8 @@ from transformers import AutoModelForSeq2SeqLM, Owlv2Config, Owlv2ForObjectDetec
 
 from lerobot_owlxt5.backbones import SmallT5Config, collect_texts, make_small_t5
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
+from lerobot_owlxt5.detection import Owlv2Detector
+from lerobot_owlxt5.pretrained import EMBEDDED
 
 PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
 BATCHES, BATCH_SIZE = 8, 64
@@ -152,6 +154,12 @@ def main() -> None:
         detect(dtype)
         seconds = _seconds(lambda dtype=dtype: detect(dtype), device, 3)
         console.print(f"OWLv2-base, forward, {name}: {seconds:.2f} s an image")
+
+    eyes = Owlv2Detector(EMBEDDED, None, None, "picture")
+    view = {"picture": torch.rand(1, 3, 240, 320, device=device)}
+    eyes(view, [["mug"]])
+    seconds = _seconds(lambda: eyes(view, [["mug"]]), device, 20)
+    console.print(f"embedded eyes, from picture and name to box: {1000 * seconds:.0f} ms an image")
 
 
 if __name__ == "__main__":
