@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import torch
+from torch import Tensor
 
 from . import modes
 from .commands import named_objects, parse_command
@@ -44,14 +45,15 @@ class OWLxT5Policy(CrossmodalPolicy):
         """Say what was done to which object: see `CrossmodalPolicy`.
 
         The detector looks for all labels in the first and in the last frame; the one that moved most goes
-        into the prompt. That is our reading of the paper, whose prompt names no object.
+        into the prompt. That is our reading of the paper, whose prompt names no object. Of several labels for
+        one object that with the best score stands.
         """
         self.eval()
         names = list(labels) if labels is not None else self._trained_objects()
         joints = self._recorded_joints(batch)
         asked = [names] * len(joints)
         before, after = self.detector(batch, asked, step=0), self.detector(batch, asked, step=-1)
-        seen = (before.score > 0) & (after.score > 0)
+        seen = _best_label(before) & (after.score > 0)
         distance, moved = torch.where(seen, (after.centre - before.centre).norm(dim=-1), 0.0).max(dim=1)
         has_moved = distance > DETECTION_NOISE
         centre = before.centre.gather(1, moved[:, None, None].expand(-1, -1, 2))
@@ -72,6 +74,14 @@ class OWLxT5Policy(CrossmodalPolicy):
 
 def _objects(batch: dict[str, Any]) -> list[str]:
     return [parse_command(task).object for task in batch["task"]]
+
+
+def _best_label(detections: Detections) -> Tensor:
+    """Which labels were found, (samples, labels) bool; of several for one object only the best."""
+    centre, score = detections
+    same = (centre[:, :, None] - centre[:, None]).norm(dim=-1) < DETECTION_NOISE
+    best = torch.where(same, score[:, None], 0.0).amax(dim=-1)
+    return (score > 0) & (score == best)
 
 
 def _view(detections: Detections) -> View:

@@ -214,9 +214,9 @@ def test_the_tokenizer_spells_any_name() -> None:
 
 
 def test_the_embedded_eyes_find_what_is_there_and_nothing_else() -> None:
-    claeo = examine("embedded", "claeo", "slots", 5)
-    assert claeo.found > 0.9
-    assert claeo.rejected > 0.9
+    grade = examine("embedded", "claeo", "free", 6)
+    assert grade.found > 0.9
+    assert grade.rejected > 0.9
 
 
 def test_miniature_eyes_learn_are_examined_and_get_a_card(

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from lerobot.datasets import LeRobotDataset
 from lerobot.policies.factory import make_pre_post_processors
 
+from lerobot_owlxt5.detection import Detections
 from lerobot_owlxt5.joint_range import share_joint_range
 from policy_helpers import (
     ENDS,
@@ -159,6 +160,28 @@ def test_describe_asks_for_the_object_that_moved(
     batch["observation.objects"][:, 1] = batch["observation.objects"][:, 0]
     assert policy.describe(batch) == ["nothing moved"] * 3
     assert policy.describe(batch, labels=["mug"]) == ["nothing moved"] * 3
+
+
+@pytest.mark.parametrize(("scores", "expected"), [((0.3, 0.8), "blue"), ((0.8, 0.3), "cyan")])
+def test_of_two_labels_for_what_moved_describe_takes_the_better(
+    t5: Path, monkeypatch: pytest.MonkeyPatch, scores: tuple[float, float], expected: str
+) -> None:
+    policy = make_policy(t5)
+    places = [torch.tensor([[[0.5, 0.5], [0.505, 0.5]]]), torch.tensor([[[0.6, 0.5], [0.6, 0.5]]])]
+    monkeypatch.setattr(
+        policy, "detector", lambda batch, names, step: Detections(places[step], torch.tensor([scores]))
+    )
+    asked: list[str] = []
+    encode = policy.language.encode
+    monkeypatch.setattr(
+        policy.language, "encode", lambda prompts, device: asked.extend(prompts) or encode(prompts, device)
+    )
+    batch = observe(["push red"]) | {
+        "action": torch.zeros(1, 2 * HORIZON - 1, 10),
+        "action_is_pad": torch.arange(2 * HORIZON - 1)[None] < HORIZON,
+    }
+    policy.describe(batch, labels=["cyan", "blue"])
+    assert asked == [f"describe: {expected}"]
 
 
 def test_describe_needs_to_know_what_to_look_for(t5: Path) -> None:
