@@ -237,3 +237,12 @@ def test_miniature_eyes_learn_are_examined_and_get_a_card(
     assert table in written
     assert "owlxt5-backbones --part=eyes --steps=30" in written
     assert "--pictures=48" in written
+
+    more = BackbonesConfig(
+        "eyes", tmp_path / "more", 5, 8, 1e-4, pictures=48, seed=2, start_from=config.model_dir
+    )
+    _, more_losses = train_eyes(more, TINY)
+    assert max(more_losses) < min(losses[:5])  # it goes on, and does not begin again
+    first, second = more.command.splitlines()
+    assert first == config.command
+    assert "--steps=5 " in second

@@ -31,6 +31,11 @@ _EYES = """A small OWLv2 (`Owlv2ForObjectDetection`) for the embedded detector."
 _TONGUE = """A small T5 (`T5ForConditionalGeneration`) for the embedded language model."""
 
 
+def commands(folder: Path) -> str:
+    """What a model's card says of how it was made."""
+    return (folder / "README.md").read_text(encoding="utf-8").split("```bash\n")[1].split("\n```")[0]
+
+
 def write_eyes_card(folder: Path, seed: int, **facts: object) -> str:
     """Examine eyes and write the card into their folder.
 

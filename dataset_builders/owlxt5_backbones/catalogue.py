@@ -135,8 +135,9 @@ def _cube(brush: Brush) -> None:
 def _sphere(brush: Brush) -> None:
     radius = brush.within(0.017, 0.033)
     brush.turn(_ball(radius), brush.named())
-    if brush.chance(0.6):  # a stripe, seldom level
-        width, tilt = brush.within(6, 22), (brush.within(-60, 60), brush.within(-60, 60), 0.0)
+    if brush.chance(0.6):  # a stripe, level or not
+        width, lean = brush.within(6, 22), 60 if brush.chance(0.7) else 6
+        tilt = (brush.within(-lean, lean), brush.within(-lean, lean), 0.0)
         stripe = Lathe(tuple(_arc((0, 0), radius * 1.01, -width, width)))
         brush.add(stripe, brush.other() if brush.chance(0.5) else brush.near(_WHITE), (0, 0, radius), tilt)
 

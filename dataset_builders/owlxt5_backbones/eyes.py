@@ -3,6 +3,7 @@
 
 import json
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import torch
@@ -21,6 +22,8 @@ from .queries import all_texts
 
 NOTHING, START, END = "<|nothing|>", "<|startoftext|>", "<|endoftext|>"
 _TEXT_TOKENS = 16
+# On processors the fused attention's way back costs more than all other layers together.
+_ATTENTION = "eager"
 # Logits are (cosine + shift) * (1 + scale). Most patches mean nothing: say so from the start, gently.
 _FIRST_SHIFT, _FIRST_SCALE = -0.4, 8.0
 
@@ -68,8 +71,7 @@ def make_eyes(sizes: EyesSizes, seed: int) -> tuple[Owlv2ForObjectDetection, Owl
         "projection_dim": sizes.text_width,
     }
     model = Owlv2ForObjectDetection(Owlv2Config(**parts))
-    # On processors the fused attention's way back costs more than all other layers together.
-    model.set_attn_implementation("eager")
+    model.set_attn_implementation(_ATTENTION)
     # transformers draws their weights with a standard deviation of 1, as they are always loaded: boxes and
     # logits would be saturated from the start.
     for layer in (*model.box_head.modules(), *model.class_head.modules()):
@@ -82,6 +84,13 @@ def make_eyes(sizes: EyesSizes, seed: int) -> tuple[Owlv2ForObjectDetection, Owl
         model.class_head.logit_scale.bias.fill_(_FIRST_SCALE)
     side = {"height": sizes.image_size, "width": sizes.image_size}
     return model, Owlv2Processor(Owlv2ImageProcessor(size=side), tokenizer)
+
+
+def load_eyes(folder: Path) -> tuple[Owlv2ForObjectDetection, Owlv2Processor]:
+    """Trained eyes, ready for further training in full precision."""
+    model = Owlv2ForObjectDetection.from_pretrained(folder, dtype=torch.float32, local_files_only=True)
+    model.set_attn_implementation(_ATTENTION)
+    return model, Owlv2Processor.from_pretrained(folder, local_files_only=True)
 
 
 def _fit_tokenizer(vocabulary: int) -> CLIPTokenizerFast:

@@ -21,8 +21,8 @@ from transformers.trainer_utils import get_last_checkpoint
 from clant_claeo.workers import usable_cores
 from lerobot_owlxt5.backbones import SmallT5Config
 
-from .card import write_eyes_card, write_tongue_card
-from .eyes import EyesSizes, make_eyes
+from .card import commands, write_eyes_card, write_tongue_card
+from .eyes import EyesSizes, load_eyes, make_eyes
 from .eyes_batches import Collator
 from .eyes_training import EyesTrainer, find_threshold
 from .pictures import make_pictures
@@ -62,6 +62,8 @@ class BackbonesConfig:
     pictures: int = 30_000
     # Seed of data and weights.
     seed: int = 0
+    # Folder of eyes whose training to go on with: their weights, the pictures and steps of this command.
+    start_from: Path | None = None
 
     @property
     def recipe(self) -> Recipe:
@@ -80,11 +82,16 @@ class BackbonesConfig:
 
     @property
     def command(self) -> str:
-        """What makes the same again, in a folder of the reader's choice."""
+        """What makes the same again, in folders of the reader's choice."""
+        before = "" if self.start_from is None else f"{commands(self.start_from)}\n"
         options = {"part": self.part, **self.recipe._asdict(), "seed": self.seed, "output_dir": "…"}
         if self.part == "eyes":
             options["pictures"] = self.pictures
-        return " ".join(["owlxt5-backbones", *(f"--{key}={value}" for key, value in options.items())])
+        if self.start_from is not None:
+            options["start_from"] = "…"
+        return before + " ".join(
+            ["owlxt5-backbones", *(f"--{key}={value}" for key, value in options.items())]
+        )
 
 
 def _arguments(config: BackbonesConfig) -> TrainingArguments:
@@ -123,7 +130,8 @@ def train_eyes(config: BackbonesConfig, sizes: EyesSizes) -> tuple[Owlv2ForObjec
     workers = usable_cores()
     pictures = make_pictures(config.output_dir / "pictures", config.pictures, config.seed, workers)
     others = make_pictures(config.output_dir / "other_pictures", _OTHER_PICTURES, config.seed + 1, workers)
-    model, processor = make_eyes(sizes, config.seed)
+    start = config.start_from
+    model, processor = load_eyes(start) if start else make_eyes(sizes, config.seed)
     collate = Collator(processor, model.num_patches_width, _PATCHES)
     trainer = EyesTrainer(model, _arguments(config), data_collator=collate, train_dataset=pictures)
     losses = _train(trainer)
@@ -150,6 +158,8 @@ def main(config: BackbonesConfig) -> None:
     """Make the data, train, examine, and say where the result is."""
     if config.part not in RECIPES:
         sys.exit(f"owlxt5-backbones: --part is one of {', '.join(RECIPES)}, not {config.part!r}")
+    if config.start_from is not None and config.part != "eyes":
+        sys.exit("owlxt5-backbones: --start_from is for --part=eyes")
     model: PreTrainedModel
     if config.part == "eyes":
         model, _ = train_eyes(config, EyesSizes())
