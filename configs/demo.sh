@@ -10,8 +10,8 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-arrangements=${1:-8}
-steps=${2:-1200}
+arrangements=${1:-4}
+steps=${2:-2000}
 episodes=${3:-2}
 out=outputs/demo
 # A computer with few cores is faster when data loading, simulation and training use one thread each.
