@@ -45,17 +45,21 @@ class OWLxT5Policy(CrossmodalPolicy):
         """Say what was done to which object: see `CrossmodalPolicy`.
 
         The detector looks for all labels in the first and in the last frame; the one that moved most goes
-        into the prompt. That is our reading of the paper, whose prompt names no object. Of several labels for
-        one object that with the best score stands.
+        into the prompt, or else one that is gone: what fell over or lies behind an arm may not be recognised.
+        That is our reading of the paper, whose prompt names no object. Of several labels for one object that
+        with the best score stands.
         """
         self.eval()
         names = list(labels) if labels is not None else self._trained_objects()
         joints = self._recorded_joints(batch)
         asked = [names] * len(joints)
         before, after = self.detector(batch, asked, step=0), self.detector(batch, asked, step=-1)
-        seen = _best_label(before) & (after.score > 0)
-        distance, moved = torch.where(seen, (after.centre - before.centre).norm(dim=-1), 0.0).max(dim=1)
-        has_moved = distance > DETECTION_NOISE
+        known, still_seen = _best_label(before), after.score > 0
+        distance = torch.where(known & still_seen, (after.centre - before.centre).norm(dim=-1), 0.0)
+        distance[distance <= DETECTION_NOISE] = 0.0
+        gone = torch.where(known & ~still_seen, before.score, 0.0)
+        sign, moved = torch.where(distance.any(dim=1, keepdim=True), distance, gone).max(dim=1)
+        has_moved = sign > 0
         centre = before.centre.gather(1, moved[:, None, None].expand(-1, -1, 2))
         view = _view(Detections(centre, has_moved[:, None].float()))
         prompts = [modes.describe_prompt(names[index]) for index in moved.tolist()]

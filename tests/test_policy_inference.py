@@ -162,15 +162,33 @@ def test_describe_asks_for_the_object_that_moved(
     assert policy.describe(batch, labels=["mug"]) == ["nothing moved"] * 3
 
 
-@pytest.mark.parametrize(("scores", "expected"), [((0.3, 0.8), "blue"), ((0.8, 0.3), "cyan")])
-def test_of_two_labels_for_what_moved_describe_takes_the_better(
-    t5: Path, monkeypatch: pytest.MonkeyPatch, scores: tuple[float, float], expected: str
+@pytest.mark.parametrize(
+    ("x_before", "x_after", "before", "after", "expected"),
+    [
+        pytest.param(
+            (0.5, 0.505), (0.6, 0.6), (0.3, 0.8), (0.3, 0.8), ["blue"], id="better label for one object"
+        ),
+        pytest.param((0.5, 0.505), (0.6, 0.6), (0.8, 0.3), (0.8, 0.3), ["cyan"], id="the other one better"),
+        pytest.param((0.2, 0.5), (0.21, 0.0), (0.9, 0.4), (0.9, 0.0), ["blue"], id="gone, the other at rest"),
+        pytest.param((0.2, 0.5), (0.25, 0.0), (0.9, 0.4), (0.9, 0.0), ["cyan"], id="hidden by what moved"),
+        pytest.param((0.0, 0.5), (0.3, 0.5), (0.0, 0.4), (0.9, 0.4), [], id="unseen before"),
+    ],
+)
+def test_describe_takes_what_moved_or_what_is_gone(
+    t5: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    x_before: tuple[float, float],
+    x_after: tuple[float, float],
+    before: tuple[float, float],
+    after: tuple[float, float],
+    expected: list[str],
 ) -> None:
     policy = make_policy(t5)
-    places = [torch.tensor([[[0.5, 0.5], [0.505, 0.5]]]), torch.tensor([[[0.6, 0.5], [0.6, 0.5]]])]
-    monkeypatch.setattr(
-        policy, "detector", lambda batch, names, step: Detections(places[step], torch.tensor([scores]))
-    )
+    seen = [
+        Detections(torch.tensor([[[x, 0.5] for x in places]]), torch.tensor([scores]))
+        for places, scores in ((x_before, before), (x_after, after))
+    ]
+    monkeypatch.setattr(policy, "detector", lambda batch, names, step: seen[step])
     asked: list[str] = []
     encode = policy.language.encode
     monkeypatch.setattr(
@@ -180,8 +198,12 @@ def test_of_two_labels_for_what_moved_describe_takes_the_better(
         "action": torch.zeros(1, 2 * HORIZON - 1, 10),
         "action_is_pad": torch.arange(2 * HORIZON - 1)[None] < HORIZON,
     }
-    policy.describe(batch, labels=["cyan", "blue"])
-    assert asked == [f"describe: {expected}"]
+    texts = policy.describe(batch, labels=["cyan", "blue"])
+    if expected:
+        assert asked == [f"describe: {expected[0]}"]
+        assert texts != ["nothing moved"]
+    else:
+        assert texts == ["nothing moved"]
 
 
 def test_describe_needs_to_know_what_to_look_for(t5: Path) -> None:
