@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws success against the distance from the slots: python benchmarks/distance.py PICTURE NAME=EVAL_INFO...
+"""Draws success against the distance from the slots (pip install matplotlib): python benchmarks/distance.py PICTURE NAME=EVAL_INFO...
 
 Each EVAL_INFO is an `eval_info.json` of `lerobot-eval --env.placement=free --eval.batch_size=1` with
 LeRobot's own seed. It does not say where objects stood; but the environment's seeds tell, as they are counted
@@ -27,7 +27,7 @@ from nico_tabletop.placement import SLOT_POSES
 from nico_tabletop.scoring import Outcome
 from nico_tabletop.tasks import ACTIONS
 
-BINS_CM = [*pairwise((0, 1, 2, 3, 4, 5, 6, 8))]
+BINS_CM = [*pairwise((0, 1, 2, 3, 4, 5, 6, 8, 12))]
 FIRST_SEED = EvalPipelineConfig.__dataclass_fields__["seed"].default
 
 
