@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws success against the distance from the slots (pip install matplotlib): python benchmarks/distance.py PICTURE NAME=EVAL_INFO...
+"""Draws success against the distance from the slots: python benchmarks/distance.py PICTURE NAME=EVAL_INFO...
+
+Needs `pip install matplotlib`.
 
 Each EVAL_INFO is an `eval_info.json` of `lerobot-eval --env.placement=free --eval.batch_size=1` with
 LeRobot's own seed. It does not say where objects stood; but the environment's seeds tell, as they are counted
