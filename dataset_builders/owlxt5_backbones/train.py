@@ -160,12 +160,14 @@ def main(config: BackbonesConfig) -> None:
         sys.exit(f"owlxt5-backbones: --part is one of {', '.join(RECIPES)}, not {config.part!r}")
     if config.start_from is not None and config.part != "eyes":
         sys.exit("owlxt5-backbones: --start_from is for --part=eyes")
+    # Reads the card of the eyes to start from: better missing now than after hours.
+    command = config.command
     model: PreTrainedModel
     if config.part == "eyes":
         model, _ = train_eyes(config, EyesSizes())
     else:
         model, _ = train_tongue(config, shipped_sizes(config.model_dir, config.seed))
-    facts = {"command": config.command, "size": f"{model.num_parameters():,}"}
+    facts = {"command": command, "size": f"{model.num_parameters():,}"}
     if config.part == "eyes":
         table = write_eyes_card(config.model_dir, config.seed, **facts)
     else:
