@@ -71,20 +71,33 @@ def test_plans_look_like_clant(action: Action, poses: Poses) -> None:
     assert np.abs(np.diff(rows, axis=0)).max() * CONTROL_HZ <= 60.1
 
 
-@pytest.mark.parametrize("name, turn", [("PUSH-R", 0.0), ("SLIDE-L-L", 30.0)])
-def test_idle_arm_makes_room_where_the_other_reaches_over(name: str, turn: float) -> None:
-    left = plan(find_action(name), SLOT_POSES)[-1, 5:]
-    np.testing.assert_allclose(left, INITIAL_POSE_DEG[5:] + turn * np.eye(5)[0], atol=0.05)
+def acts(rows: NDArray[np.float64]) -> list[str]:
+    """The arms that a plan moves."""
+    arms = {"right": slice(0, 5), "left": slice(5, 10)}
+    return [side for side, arm in arms.items() if np.ptp(rows[:, arm], axis=0).max() > 40]
+
+
+@pytest.mark.parametrize(
+    "name, arm",
+    [
+        ("PUSH-L", "left"),
+        ("PULL-R", "right"),
+        ("PUSH-M", "right"),
+        ("SLIDE-M-L", "right"),
+        ("SLIDE-M-R", "left"),
+        ("SLIDE-L-L", "left"),
+        ("SLIDE-L-R", "left"),
+        ("SLIDE-R-R", "right"),
+    ],
+)
+def test_the_arm_on_the_objects_side_acts(name: str, arm: str) -> None:
+    assert acts(plan(find_action(name), SLOT_POSES)) == [arm]
 
 
 def test_the_other_arm_acts_where_the_first_would_touch_an_object(simulation: TabletopSimulation) -> None:
-    def acts(rows: NDArray[np.float64]) -> list[bool]:
-        return [bool(np.ptp(rows[:, arm], axis=0).max() > 40) for arm in (slice(0, 5), slice(5, 10))]
-
-    action = find_action("SLIDE-L-L")
-    assert acts(plan(action, SLOT_POSES)) == [True, False]
-    in_the_way = (Pose(0.45, 0.18, -106), Pose(0.38, 0.02, -44), Pose(0.44, -0.15, 59))
-    assert acts(plan(action, in_the_way)) == [False, True]
+    action = find_action("SLIDE-M-L")
+    in_the_way = (Pose(0.40, 0.15), Pose(0.40, 0.0), Pose(0.33, -0.10))
+    assert acts(plan(action, in_the_way)) == ["left"]
     assert act(simulation, action, in_the_way) == Outcome.PERFECT
 
 

@@ -9,7 +9,6 @@ the grip and the arm depend on the verb. mink's inverse kinematics turns the mov
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import product
 
 import mujoco
 import numpy as np
@@ -51,19 +50,15 @@ class Grip:
     shift: float = 0.0
 
 
-# By verb, the best one first; the next one serves where it would touch another object.
-_GRIPS: dict[str, tuple[Grip, ...]] = {
+_GRIPS: dict[str, Grip] = {
     # A level palm holds a corner between its two fingers.
-    "push": (Grip(fingers=(1, 0.05, -0.3), palm=(0, 0.5, -1), height=0.03),),
+    "push": Grip(fingers=(1, 0.05, -0.3), palm=(0, 0.5, -1), height=0.03),
     # Steep fingers and a thumb turned aside: it must not come down on the object and tip it.
-    "pull": (Grip(fingers=(1, 0.3, -2.5), palm=(-1, 0.7, 0), height=0.028),),
-    # Beyond the object's middle, so that the thumb, nearer to the wrist, does not touch it. Steeper fingers
-    # carry the palm over a neighbour.
-    "slide": (
-        Grip(fingers=(1, 0.15, -0.2), palm=(0, 1, 0), height=0.035, shift=0.01),
-        Grip(fingers=(1, 0.15, -0.8), palm=(0, 1, 0), height=0.035, shift=0.01),
-        Grip(fingers=(1, 0.15, -1.5), palm=(0, 1, 0), height=0.035, shift=0.01),
-    ),
+    "pull": Grip(fingers=(1, 0.3, -2.5), palm=(-1, 0.7, 0), height=0.028),
+    # With the palm, beyond the object's middle, so that the thumb, nearer to the wrist, does not touch it.
+    "slide inwards": Grip(fingers=(1, 0.15, -0.2), palm=(0, 1, 0), height=0.035, shift=0.01),
+    # With the back of the hand: fingers that point outwards lie flat against the object.
+    "slide outwards": Grip(fingers=(1, -0.2, -0.2), palm=(0, 1, 0), height=0.035, shift=0.01),
 }
 
 # Metres. The middle between the tips of both fingers stands for the hand.
@@ -78,7 +73,6 @@ _MIDDLE = 0.07  # an object farther from the robot's middle is on the left or ri
 _SPEED = 0.11  # of the fingertips, mean over a leg, metres per second
 _RISE_SECONDS, _TURN_SECONDS = 0.7, 1.5  # at least: wrists turn slower than fingertips travel
 _JOINT_SPEED_DEG = 60.0  # a second; also the order of CLANT's own speeds
-_SWING_DEG, _SWING_STEPS = 30.0, 20  # the idle arm's shoulder turns outwards where the other arm reaches over
 
 _ORIENTATION_COST = 0.02  # metres of distance that weigh as much as one radian of orientation
 _DAMPING = 1e-4
@@ -191,9 +185,10 @@ def _ease(steps: int) -> Vector:
 def plan(action: Action, poses: Sequence[Pose]) -> NDArray[np.float64]:
     """Joint trajectory that moves one of three objects in the direction of `action`.
 
-    Slides prefer the arm that sweeps inwards, pushes and pulls the one on the object's side (in the middle
-    the right one), as CLANT does. If that one does not reach the object, or its hand would touch another one,
-    another grip or the other arm does it. The same arguments give the same numbers.
+    The arm on the object's side acts, for an object in the middle the right one, or the one that slides it
+    inwards. So a movement follows from the object's place alone, which is all that a policy may know. Only if
+    that arm does not reach the object, or its hand would touch another one, the other arm does it. The same
+    arguments give the same numbers.
 
     Args:
         action: What to do; its slot tells the left, middle or right object.
@@ -207,10 +202,9 @@ def plan(action: Action, poses: Sequence[Pose]) -> NDArray[np.float64]:
         OutOfReachError: If no arm can make the stroke without touching another object.
     """
     problems = []
-    grips = _GRIPS[action.verb.split("-")[0]]
-    for acting, grip in product(_arms(action, poses[action.slot]), grips):
+    for acting in _arms(action, poses[action.slot]):
         try:
-            rows = _movement(action, poses[action.slot], acting, grip)
+            rows = _movement(action, poses[action.slot], acting)
         except OutOfReachError as error:
             problems.append(str(error))
             continue
@@ -242,20 +236,24 @@ def _is_clear(rows: NDArray[np.float64], acting: str, slot: int, poses: Sequence
     return True
 
 
-def _side(pose: Pose) -> int:
-    """Where an object stands: 1 left, -1 right, 0 in the middle."""
-    return 0 if abs(pose.y) <= _MIDDLE else int(np.sign(pose.y))
-
-
 def _arms(action: Action, pose: Pose) -> tuple[str, str]:
     """Both arms, the preferred one first."""
-    left_first = (action.direction[1] or -_side(pose)) < 0
+    left_first = pose.y > 0 if abs(pose.y) > _MIDDLE else action.direction[1] < 0
     return ("left", "right") if left_first else ("right", "left")
 
 
-def _movement(action: Action, pose: Pose, acting: str, grip: Grip) -> NDArray[np.float64]:
-    """The trajectory of `plan` with a given arm and grip, whatever else stands on the table."""
+def _grip(action: Action, acting: str) -> Grip:
+    verb = action.verb.split("-")[0]
+    if verb == "slide":
+        outwards = action.direction[1] > 0 if acting == "left" else action.direction[1] < 0
+        verb = "slide outwards" if outwards else "slide inwards"
+    return _GRIPS[verb]
+
+
+def _movement(action: Action, pose: Pose, acting: str) -> NDArray[np.float64]:
+    """The trajectory of `plan` with a given arm, whatever else stands on the table."""
     arm = _Arm(acting)
+    grip = _grip(action, acting)
     held = arm.hold(grip)
 
     direction = np.array([*action.direction, 0.0])
@@ -273,11 +271,4 @@ def _movement(action: Action, pose: Pose, acting: str, grip: Grip) -> NDArray[np
         if (miss := float(np.linalg.norm(arm.fingertips - goal))) > _TOLERANCE:
             raise OutOfReachError(f"the {acting} hand stays {miss * 100:.1f} cm off its way")
     rows += arm.reach(after, held) + arm.reach(after + up, held)
-
-    trajectory = np.array([INITIAL_POSE_DEG, *rows])
-    idle = "right" if acting == "left" else "left"
-    side = _side(pose)
-    if side == (1 if idle == "left" else -1):
-        swing = np.concatenate([_ease(_SWING_STEPS), np.ones(len(rows) - _SWING_STEPS)])
-        trajectory[1:, JOINT_NAMES.index(f"{idle[0]}_shoulder_z")] += side * _SWING_DEG * swing
-    return trajectory
+    return np.array([INITIAL_POSE_DEG, *rows])
