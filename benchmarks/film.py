@@ -51,6 +51,7 @@ class Shot:
         name = self.command.split(" ", 1)[1]
         found = policy.detector(before(dict(first)), [[name]])
         self.centre, self.score = found.centre[0, 0].tolist(), float(found.score[0, 0])
+        self.found = self.score >= policy.detector.threshold
         policy.reset()
         self.frames, actions = [observation["pixels"][EYES]], list[np.ndarray]()
         done = False
@@ -95,7 +96,7 @@ def _panel(shot: Shot, frame: int, *, ended: bool) -> Image.Image:
     panel.paste(picture, (0, LINE))
     draw, font = ImageDraw.Draw(panel), ImageFont.load_default(13)
     draw.text((6, 1), f"“{shot.command}”", "black", font)
-    if shot.score:
+    if shot.found:
         x, y = shot.centre[0] * WIDTH, LINE + shot.centre[1] * HEIGHT
         draw.ellipse((x - 14, y - 14, x + 14, y + 14), outline="magenta", width=2)
         draw.text((x + 16, y - 16), f"{shot.score:.2f}", "magenta", font)

@@ -10,6 +10,7 @@ from .configuration_crossmodal import CrossmodalConfig
 
 GROUND_TRUTH = "ground_truth"
 OBS_OBJECTS = "observation.objects"
+CENTRE, FOOT = "centre", "foot"
 NO_OBJECTS = (
     f"--policy.detector={GROUND_TRUTH} reads the simulator's boxes from '{OBS_OBJECTS}', which this dataset "
     "or environment does not provide. Name an OWLv2 with --policy.detector."
@@ -28,11 +29,20 @@ class OWLxT5Config(CrossmodalConfig):
         detector_revision: Hub revision of the detector; None is its main branch.
         score_threshold: A detection below this score (0 to 1) counts as not seen. None: the detector's own,
             as its config.json says, or 0.1.
+        object_point: Which point of its box says where an object is. `centre`: as in the paper (section 3).
+            `foot`: the middle of the lower edge, where it touches the table: for objects that are not as tall
+            as those of the training data, and may stand anywhere (our addition).
     """
 
     detector: str = "google/owlv2-base-patch16"
     detector_revision: str | None = None
     score_threshold: float | None = None
+    object_point: str = CENTRE
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.object_point not in (CENTRE, FOOT):
+            raise ValueError(f"--policy.object_point is {CENTRE} or {FOOT}, not {self.object_point!r}.")
 
     def check_dataset(self, features: dict[str, Any]) -> None:
         """Check that a dataset has what the policy reads: see `CrossmodalConfig`."""

@@ -18,31 +18,57 @@ OBJECT_NUMBERS, BOX_NUMBERS = 28, 4
 # OWLv2 looks at 3600 patches of an image: a whole training batch at once would not fit into memory.
 IMAGES_AT_ONCE = 8
 USUAL_THRESHOLD = 0.1
+SAME_PLACE = 0.02
+"""Centres closer than this share of the image are at one place: the detector's noise."""
 
 
 class Detections(NamedTuple):
     """Where the named objects are.
 
     Attributes:
-        centre: (batch, names, 2), x and y of the box's centre as shares of the image's width and height, in
-            [0, 1] from the top left corner; meaningless where nothing was found.
-        score: (batch, names) in [0, 1]; 0 where nothing was found.
+        box: (batch, names, 4), left, upper, right and lower edge as shares of the image's width and height,
+            from its upper left corner; of the best box, however low its score.
+        score: (batch, names) in [0, 1]; the object counts as seen from the detector's threshold on.
     """
 
-    centre: Tensor
+    box: Tensor
     score: Tensor
+
+    @property
+    def centre(self) -> Tensor:
+        """Middle of the box, (batch, names, 2), x and y."""
+        return (self.box[..., :2] + self.box[..., 2:]) / 2
+
+    @property
+    def foot(self) -> Tensor:
+        """Middle of the box's lower edge, (batch, names, 2): where an object touches the table."""
+        return torch.stack([self.centre[..., 0], self.box[..., 3]], dim=-1)
 
 
 class Detector(Protocol):
-    """Finds named objects in one frame of each sample of a batch."""
+    """Finds named objects in one frame of each sample of a batch.
 
-    def __call__(self, batch: dict[str, Any], names: Sequence[Sequence[str]], step: int = 0) -> Detections:
+    Attributes:
+        threshold: From this score on an object counts as seen.
+    """
+
+    threshold: float
+
+    def __call__(
+        self,
+        batch: dict[str, Any],
+        names: Sequence[Sequence[str]],
+        step: int = 0,
+        near: Tensor | None = None,
+    ) -> Detections:
         """Detect.
 
         Args:
             batch: A batch as the policy gets it.
             names: For each sample, the names to look for; the same number for each sample.
             step: Which of the batch's observation steps to look at.
+            near: (batch, names, 2), shares of the image: only boxes whose centre is at this place count,
+                `SAME_PLACE` about it.
         """
 
 
@@ -60,23 +86,31 @@ def make_detector(config: OWLxT5Config) -> Detector:
 class GroundTruthDetector:
     """Reads the simulator's boxes from `observation.objects`: an upper bound for any real detector."""
 
-    def __call__(self, batch: dict[str, Any], names: Sequence[Sequence[str]], step: int = 0) -> Detections:
+    threshold = 0.5
+
+    def __call__(
+        self,
+        batch: dict[str, Any],
+        names: Sequence[Sequence[str]],
+        step: int = 0,
+        near: Tensor | None = None,
+    ) -> Detections:
         """Detect: see `Detector`."""
         if OBS_OBJECTS not in batch:
             raise ValueError(NO_OBJECTS)
         objects = at_step(batch[OBS_OBJECTS], step, ndim=2).unflatten(1, (-1, OBJECT_NUMBERS)).float()
         boxes = objects[..., :BOX_NUMBERS]
-        centres = (boxes[..., :2] + boxes[..., 2:]) / 2
         visible = (boxes >= 0).all(dim=-1)
         spellings = objects[..., BOX_NUMBERS:].round().to(torch.uint8).cpu().numpy()
         present = [[bytes(slot).rstrip(b"\0").decode() for slot in sample] for sample in spellings]
         slot = torch.tensor(
             [[_find(name, objects) for name in asked] for asked, objects in zip(names, present, strict=True)],
-            device=centres.device,
+            device=boxes.device,
         )
         index = slot.clamp(min=0)
         score = (slot >= 0) & visible.gather(1, index)
-        return Detections(centres.gather(1, index[..., None].expand(-1, -1, 2)), score.float())
+        found = Detections(boxes.gather(1, index[..., None].expand(-1, -1, BOX_NUMBERS)), score.float())
+        return found if near is None else found._replace(score=found.score * same_place(found.centre, near))
 
 
 def _find(name: str, present: Sequence[str]) -> int:
@@ -104,7 +138,7 @@ class Owlv2Detector:
         Args:
             name: Hub id, folder, or `embedded`.
             revision: Hub revision, or what an embedded one was before; or None.
-            threshold: Score below which nothing was found. None: the `score_threshold` in the model's
+            threshold: From this score on an object counts as seen. None: the `score_threshold` in the model's
                 config.json, or OWLv2's usual 0.1.
             camera: Image feature to look at.
         """
@@ -121,33 +155,47 @@ class Owlv2Detector:
         self.threshold = own if threshold is None else threshold
         self.camera = camera
 
-    def __call__(self, batch: dict[str, Any], names: Sequence[Sequence[str]], step: int = 0) -> Detections:
+    def __call__(
+        self,
+        batch: dict[str, Any],
+        names: Sequence[Sequence[str]],
+        step: int = 0,
+        near: Tensor | None = None,
+    ) -> Detections:
         """Detect: see `Detector`."""
         images = at_step(batch[self.camera], step, ndim=4)
         if images.dtype == torch.uint8:
             images = images / 255
         parts = [
-            self._detect(images[first : first + IMAGES_AT_ONCE], names[first : first + IMAGES_AT_ONCE])
-            for first in range(0, len(images), IMAGES_AT_ONCE)
+            self._detect(images[part], names[part], None if near is None else near[part])
+            for part in (
+                slice(first, first + IMAGES_AT_ONCE) for first in range(0, len(images), IMAGES_AT_ONCE)
+            )
         ]
         return Detections(*(torch.cat(tensors) for tensors in zip(*parts, strict=True)))
 
     @torch.no_grad()
-    def _detect(self, images: Tensor, names: Sequence[Sequence[str]]) -> Detections:
+    def _detect(self, images: Tensor, names: Sequence[Sequence[str]], near: Tensor | None) -> Detections:
         queries = [[f"a photo of a {object_name(name)}" for name in asked] for asked in names]
         inputs = self.processor(
             text=queries, images=list(images), do_rescale=False, truncation=True, return_tensors="pt"
         )
         outputs = self.model.to(images.device)(**inputs.to(images.device))
         height, width = images.shape[-2:]
-        centre = to_image_coordinates(outputs.pred_boxes[..., :2], height, width)
-        inside = ((centre >= 0) & (centre <= 1)).all(dim=-1, keepdim=True)
-        scores = outputs.logits.sigmoid() * inside
-        best, box = scores.max(dim=1)
-        return Detections(
-            centre.gather(1, box[..., None].expand(-1, -1, 2)),
-            torch.where(best >= self.threshold, best, 0.0),
-        )
+        middle, half = outputs.pred_boxes[..., :2], outputs.pred_boxes[..., 2:] / 2
+        corners = [to_image_coordinates(point, height, width) for point in (middle - half, middle + half)]
+        boxes = torch.cat(corners, dim=-1)
+        centre = to_image_coordinates(middle, height, width)[:, :, None]
+        counts = ((centre >= 0) & (centre <= 1)).all(dim=-1)
+        if near is not None:
+            counts = counts & same_place(centre, near[:, None])
+        score, index = (outputs.logits.sigmoid() * counts).max(dim=1)
+        return Detections(boxes.gather(1, index[..., None].expand(-1, -1, BOX_NUMBERS)), score)
+
+
+def same_place(centre: Tensor, other: Tensor) -> Tensor:
+    """Which of two sets of points (..., 2), shares of the image, are closer than `SAME_PLACE`; bool (...)."""
+    return (centre - other).norm(dim=-1) < SAME_PLACE
 
 
 def to_image_coordinates(points: Tensor, height: int, width: int) -> Tensor:
@@ -169,7 +217,7 @@ class RememberedDetections:
 
     def __init__(self, detector: Detector) -> None:
         self.detector = detector
-        self._found: dict[tuple[int, str], tuple[float, float, float]] = {}
+        self._found: dict[tuple[int, str], tuple[float, ...]] = {}
 
     def __call__(self, batch: dict[str, Any], names: Sequence[str]) -> Detections:
         """Detect one object per sample of a training batch, which must carry `episode_index`."""
@@ -182,8 +230,8 @@ class RememberedDetections:
                 for key, value in batch.items()
                 if key.startswith("observation.") and isinstance(value, Tensor)
             }
-            centre, score = self.detector(part, [[names[sample]] for sample in chosen])
-            found = torch.cat([centre[:, 0], score], dim=1).tolist()
+            box, score = self.detector(part, [[names[sample]] for sample in chosen])
+            found = torch.cat([box[:, 0], score], dim=1).tolist()
             self._found |= {key: tuple(numbers) for key, numbers in zip(first_seen, found, strict=True)}
         numbers = torch.tensor([self._found[key] for key in keys], device=batch["action"].device)
-        return Detections(numbers[:, None, :2], numbers[:, 2:])
+        return Detections(numbers[:, None, :BOX_NUMBERS], numbers[:, BOX_NUMBERS:])

@@ -9,12 +9,14 @@ from torch import Tensor
 
 from . import modes
 from .commands import named_objects, parse_command
-from .configuration_owlxt5 import OWLxT5Config
+from .configuration_owlxt5 import CENTRE, OWLxT5Config
 from .crossmodal_policy import NOTHING_MOVED, CrossmodalPolicy, View
-from .detection import Detections, RememberedDetections, make_detector
+from .detection import Detections, RememberedDetections, make_detector, same_place
 
-# An object whose centre moved less than this share of the image has not moved: the detector's noise.
-DETECTION_NOISE = 0.02
+# In describe names compete for what is seen, and one that counts must leave its place: weaker scores will do.
+DESCRIBE_THRESHOLD_SHARE = 0.5
+# An object is gone from a place where its score has fallen below this share of what it was.
+GONE = 0.5
 
 
 class OWLxT5Policy(CrossmodalPolicy):
@@ -32,10 +34,16 @@ class OWLxT5Policy(CrossmodalPolicy):
         self._remembered_detections = RememberedDetections(self.detector)
 
     def _watch(self, batch: dict[str, Any]) -> View:
-        return _view(self.detector(batch, [[name] for name in _objects(batch)]))
+        return self._view(self.detector(batch, [[name] for name in _objects(batch)]))
 
     def _remember(self, batch: dict[str, Any]) -> View:
-        return _view(self._remembered_detections(batch, _objects(batch)))
+        return self._view(self._remembered_detections(batch, _objects(batch)))
+
+    def _view(self, detections: Detections) -> View:
+        """Where the one object of each sample is, scaled to [-1, 1] like the joints; 0 if it was not seen."""
+        point = detections.centre if self.config.object_point == CENTRE else detections.foot
+        found = detections.score >= self.detector.threshold
+        return View(torch.where(found[..., None], 2 * point - 1, 0.0), found[:, 0])
 
     def _describe_prompt(self, task: str) -> str:
         return modes.describe_prompt(parse_command(task).object)
@@ -44,24 +52,21 @@ class OWLxT5Policy(CrossmodalPolicy):
     def describe(self, batch: dict[str, Any], labels: Sequence[str] | None = None) -> list[str]:
         """Say what was done to which object: see `CrossmodalPolicy`.
 
-        The detector looks for all labels in the first and in the last frame; the one that moved most goes
-        into the prompt, or else one that is gone: what fell over or lies behind an arm may not be recognised.
-        That is our reading of the paper, whose prompt names no object. Of several labels for one object that
-        with the best score stands.
+        The detector looks for all labels in the first frame, and in the last one at the same places: what it
+        finds there least of all goes into the prompt. That is our reading of the paper, whose prompt names no
+        object. Of several labels for one object that with the best score stands.
         """
         self.eval()
         names = list(labels) if labels is not None else self._trained_objects()
         joints = self._recorded_joints(batch)
         asked = [names] * len(joints)
-        before, after = self.detector(batch, asked, step=0), self.detector(batch, asked, step=-1)
-        known, still_seen = _best_label(before), after.score > 0
-        distance = torch.where(known & still_seen, (after.centre - before.centre).norm(dim=-1), 0.0)
-        distance[distance <= DETECTION_NOISE] = 0.0
-        gone = torch.where(known & ~still_seen, before.score, 0.0)
-        sign, moved = torch.where(distance.any(dim=1, keepdim=True), distance, gone).max(dim=1)
-        has_moved = sign > 0
-        centre = before.centre.gather(1, moved[:, None, None].expand(-1, -1, 2))
-        view = _view(Detections(centre, has_moved[:, None].float()))
+        before = self.detector(batch, asked, step=0)
+        after = self.detector(batch, asked, step=-1, near=before.centre)
+        known = _best_label(before) & (before.score >= DESCRIBE_THRESHOLD_SHARE * self.detector.threshold)
+        still_there, moved = torch.where(known, after.score / before.score, 1.0).min(dim=1)
+        has_moved = still_there < GONE
+        box = before.box.gather(1, moved[:, None, None].expand(-1, -1, before.box.shape[-1]))
+        view = self._view(Detections(box, has_moved[:, None].float()))
         prompts = [modes.describe_prompt(names[index]) for index in moved.tolist()]
         texts = self._speak(prompts, view.visual, joints)
         return [
@@ -81,14 +86,6 @@ def _objects(batch: dict[str, Any]) -> list[str]:
 
 
 def _best_label(detections: Detections) -> Tensor:
-    """Which labels were found, (samples, labels) bool; of several for one object only the best."""
-    centre, score = detections
-    same = (centre[:, :, None] - centre[:, None]).norm(dim=-1) < DETECTION_NOISE
-    best = torch.where(same, score[:, None], 0.0).amax(dim=-1)
-    return (score > 0) & (score == best)
-
-
-def _view(detections: Detections) -> View:
-    """Centre of the one box per sample, from [0, 1] to [-1, 1] like the joints; 0 where nothing was found."""
-    found = detections.score > 0
-    return View(torch.where(found[..., None], 2 * detections.centre - 1, 0.0), found[:, 0])
+    """Which labels say best what is at their place, (samples, labels) bool."""
+    same = same_place(detections.centre[:, :, None], detections.centre[:, None])
+    return detections.score == torch.where(same, detections.score[:, None], 0.0).amax(dim=-1)

@@ -60,7 +60,25 @@ def test_the_real_processor_and_the_box_maths_agree_on_images_of_any_shape(
     assert (found.score > 0.1).all()
 
 
-def test_owlv2_runs_in_batches_and_finds_nothing_below_the_threshold(owlv2: Owlv2Detector) -> None:
+def test_owlv2_can_look_at_one_place_alone(owlv2: Owlv2Detector, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(owlv2, "model", BrightestPatch())
+    images = torch.zeros(1, 3, 64, 64)
+    images[:, :, 8:12, 8:12] = 1.0
+    images[:, :, 40:44, 40:44] = 0.7
+    dimmer, dark = ((40 + 2) / 64, (40 + 2) / 64), ((24 + 2) / 64, (40 + 2) / 64)
+    anywhere = owlv2({EYES: images}, [["ball", "mug"]])
+    near = owlv2({EYES: images}, [["ball", "mug"]], near=torch.tensor([[dimmer, dark]]))
+    assert torch.allclose(near.centre, torch.tensor([[dimmer, dark]]))
+    assert near.score[0, 1] < near.score[0, 0] < anywhere.score[0, 0]
+
+
+def test_centre_and_foot_of_a_box() -> None:
+    found = Detections(torch.tensor([[[0.2, 0.3, 0.4, 0.8]]]), torch.ones(1, 1))
+    assert torch.allclose(found.centre, torch.tensor([[[0.3, 0.55]]]))
+    assert torch.allclose(found.foot, torch.tensor([[[0.3, 0.8]]]))
+
+
+def test_owlv2_runs_in_batches(owlv2: Owlv2Detector) -> None:
     batch = observe(["push red"] * 10)
     names = [["red"]] * 10
     one = Owlv2Detector.__call__(owlv2, {EYES: batch[EYES][3:4]}, names[:1])
@@ -69,9 +87,6 @@ def test_owlv2_runs_in_batches_and_finds_nothing_below_the_threshold(owlv2: Owlv
     assert torch.allclose(every.score[3], one.score[0], atol=1e-5)
     as_bytes = owlv2({EYES: (batch[EYES] * 255).round().byte()}, names)
     assert torch.allclose(as_bytes.score, every.score, atol=1e-2)
-    owlv2.threshold, threshold = 1.1, owlv2.threshold
-    assert (owlv2(batch, names).score == 0).all()
-    owlv2.threshold = threshold
 
 
 def test_ground_truth_names() -> None:
@@ -94,8 +109,10 @@ def test_ground_truth_looks_at_the_step_it_is_told_to() -> None:
         observe(["-"], [names])["observation.objects"] for names in (["red", "", ""], ["", "", "red"])
     )
     batch = {"observation.objects": torch.stack([before, after], dim=1)}
-    x = [GroundTruthDetector()(batch, [["red"]], step=step).centre[0, 0, 0].item() for step in (0, -1)]
-    assert x == pytest.approx([0.2, 0.8])
+    look = GroundTruthDetector()
+    places = [look(batch, [["red"]], step=step).centre for step in (0, -1)]
+    assert [place[0, 0, 0].item() for place in places] == pytest.approx([0.2, 0.8])
+    assert [look(batch, [["red"]], step=-1, near=place).score.item() for place in places] == [0, 1]
 
 
 def test_ground_truth_needs_the_simulator() -> None:
@@ -108,7 +125,7 @@ def test_each_episode_is_looked_at_once() -> None:
 
     def detector(batch: dict[str, Any], names: Any, step: int = 0) -> Detections:
         seen.append(len(names))
-        return Detections(batch["observation.x"].view(-1, 1, 1).expand(-1, 1, 2), torch.ones(len(names), 1))
+        return Detections(batch["observation.x"].view(-1, 1, 1).expand(-1, 1, 4), torch.ones(len(names), 1))
 
     remembered = RememberedDetections(detector)
     batch = {"observation.x": torch.tensor([0.1, 0.2, 0.1]), "action": torch.zeros(3)}

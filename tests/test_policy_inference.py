@@ -136,6 +136,15 @@ def test_the_plan_depends_on_where_the_object_is(t5: Path) -> None:
     assert not torch.allclose(left, right)
 
 
+def test_the_point_of_an_object_is_the_middle_of_its_box_or_its_foot(t5: Path) -> None:
+    batch = observe(["push red"])
+    batch["observation.objects"][0, :4] = torch.tensor([0.2, 0.3, 0.4, 0.8])
+    points = [make_policy(t5, object_point=point)._watch(batch).visual for point in ("centre", "foot")]
+    assert torch.allclose(torch.cat(points), torch.tensor([[[-0.4, 0.1]], [[-0.4, 0.6]]]))
+    with pytest.raises(ValueError, match=r"--policy.object_point is centre or foot, not 'top'"):
+        make_policy(t5, object_point="top")
+
+
 def test_owlv2_that_sees_nothing_keeps_the_robot_still(t5: Path, tmp_path: Path) -> None:
     policy = make_policy(t5, detector=str(make_owlv2(tmp_path)), score_threshold=1.0)
     batch = observe(["push ball"])
@@ -163,32 +172,39 @@ def test_describe_asks_for_the_object_that_moved(
 
 
 @pytest.mark.parametrize(
-    ("x_before", "x_after", "before", "after", "expected"),
+    ("places", "before", "after", "expected"),
     [
-        pytest.param(
-            (0.5, 0.505), (0.6, 0.6), (0.3, 0.8), (0.3, 0.8), ["blue"], id="better label for one object"
-        ),
-        pytest.param((0.5, 0.505), (0.6, 0.6), (0.8, 0.3), (0.8, 0.3), ["cyan"], id="the other one better"),
-        pytest.param((0.2, 0.5), (0.21, 0.0), (0.9, 0.4), (0.9, 0.0), ["blue"], id="gone, the other at rest"),
-        pytest.param((0.2, 0.5), (0.25, 0.0), (0.9, 0.4), (0.9, 0.0), ["cyan"], id="hidden by what moved"),
-        pytest.param((0.0, 0.5), (0.3, 0.5), (0.0, 0.4), (0.9, 0.4), [], id="unseen before"),
+        pytest.param((0.5, 0.505), (0.4, 0.8), (0.0, 0.1), "blue", id="better label for one object"),
+        pytest.param((0.5, 0.505), (0.8, 0.4), (0.1, 0.0), "cyan", id="the other one better"),
+        pytest.param((0.2, 0.5), (0.9, 0.4), (0.8, 0.1), "blue", id="the other at rest"),
+        pytest.param((0.2, 0.5), (0.9, 0.4), (0.4, 0.1), "blue", id="the other partly hidden"),
+        pytest.param((0.2, 0.5), (0.9, 0.16), (0.9, 0.0), "blue", id="a weak score will do"),
+        pytest.param((0.2, 0.5), (0.9, 0.14), (0.9, 0.0), None, id="too weak a score"),
+        pytest.param((0.2, 0.5), (0.9, 0.4), (0.6, 0.3), None, id="both still there"),
     ],
 )
-def test_describe_takes_what_moved_or_what_is_gone(
+def test_describe_takes_what_is_gone_from_its_place(
     t5: Path,
     monkeypatch: pytest.MonkeyPatch,
-    x_before: tuple[float, float],
-    x_after: tuple[float, float],
+    places: tuple[float, float],
     before: tuple[float, float],
     after: tuple[float, float],
-    expected: list[str],
+    expected: str | None,
 ) -> None:
+    class Scores:
+        """Finds both labels at `places`, in the first frame, and there in the last one."""
+
+        threshold = 0.3
+
+        def __call__(
+            self, batch: object, names: object, step: int, near: torch.Tensor | None = None
+        ) -> Detections:
+            box = torch.tensor([[[x, 0.5, x, 0.5] for x in places]])
+            assert (near is None) if step == 0 else torch.equal(near, box[..., :2])
+            return Detections(box, torch.tensor([after if step else before]))
+
     policy = make_policy(t5)
-    seen = [
-        Detections(torch.tensor([[[x, 0.5] for x in places]]), torch.tensor([scores]))
-        for places, scores in ((x_before, before), (x_after, after))
-    ]
-    monkeypatch.setattr(policy, "detector", lambda batch, names, step: seen[step])
+    monkeypatch.setattr(policy, "detector", Scores())
     asked: list[str] = []
     encode = policy.language.encode
     monkeypatch.setattr(
@@ -200,7 +216,7 @@ def test_describe_takes_what_moved_or_what_is_gone(
     }
     texts = policy.describe(batch, labels=["cyan", "blue"])
     if expected:
-        assert asked == [f"describe: {expected[0]}"]
+        assert asked == [f"describe: {expected}"]
         assert texts != ["nothing moved"]
     else:
         assert texts == ["nothing moved"]

@@ -81,7 +81,7 @@ def examine(
         found = detector({CAMERA: picture}, [[*asked]])
         truth = dict(zip(arrangement, simulation.object_boxes(size[1] / size[0]), strict=True))
         for (name, meant), centre, score in zip(asked.items(), found.centre[0], found.score[0], strict=True):
-            seen = bool(score > 0)
+            seen = bool(score >= detector.threshold)
             if meant in truth:
                 box = truth[meant]
                 middle = (box[:2] + box[2:]) / 2
