@@ -30,19 +30,28 @@ class OWLxT5Config(CrossmodalConfig):
         score_threshold: A detection below this score (0 to 1) counts as not seen. None: the detector's own,
             as its config.json says, or 0.1.
         object_point: Which point of its box says where an object is. `centre`: as in the paper (section 3).
-            `foot`: the middle of the lower edge, where it touches the table: for objects that are not as tall
-            as those of the training data, and may stand anywhere (our addition).
+            `foot`: where an upright object touches the table, in the lower edge: for objects that are not as
+            tall as those of the training data and may stand anywhere (our addition).
+        nadir: For `foot`: where straight down is in the picture of a camera that is not tilted sideways, the
+            row as a share of the picture's height. NICO's eyes: 1.086. None: the camera looks ahead, and
+            uprights stand upright in its picture.
     """
 
     detector: str = "google/owlv2-base-patch16"
     detector_revision: str | None = None
     score_threshold: float | None = None
     object_point: str = CENTRE
+    nadir: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.object_point not in (CENTRE, FOOT):
             raise ValueError(f"--policy.object_point is {CENTRE} or {FOOT}, not {self.object_point!r}.")
+        if self.nadir is not None and (self.object_point != FOOT or self.nadir <= 1):
+            raise ValueError(
+                f"--policy.nadir={self.nadir} belongs to --policy.object_point={FOOT} and lies below the "
+                "picture, at more than 1."
+            )
 
     def check_dataset(self, features: dict[str, Any]) -> None:
         """Check that a dataset has what the policy reads: see `CrossmodalConfig`."""

@@ -39,10 +39,23 @@ class Detections(NamedTuple):
         """Middle of the box, (batch, names, 2), x and y."""
         return (self.box[..., :2] + self.box[..., 2:]) / 2
 
-    @property
-    def foot(self) -> Tensor:
-        """Middle of the box's lower edge, (batch, names, 2): where an object touches the table."""
-        return torch.stack([self.centre[..., 0], self.box[..., 3]], dim=-1)
+    def foot(self, nadir: float | None) -> Tensor:
+        """Where upright objects touch the table: in the box's lower edge, under its middle.
+
+        In a picture from above, uprights lean away from the middle; their lines meet at the nadir.
+
+        Args:
+            nadir: Where straight down is in the picture, in the column of its middle: the row as a share of
+                the height; more than 1 lies below the picture. None: uprights stand upright in the picture.
+
+        Returns:
+            (batch, names, 2), x and y.
+        """
+        x, y = self.centre.unbind(dim=-1)
+        lower = self.box[..., 3]
+        if nadir is not None:
+            x = 0.5 + (x - 0.5) * (nadir - lower) / (nadir - y)
+        return torch.stack([x, lower], dim=-1)
 
 
 class Detector(Protocol):

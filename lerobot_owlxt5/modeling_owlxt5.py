@@ -41,7 +41,8 @@ class OWLxT5Policy(CrossmodalPolicy):
 
     def _view(self, detections: Detections) -> View:
         """Where the one object of each sample is, scaled to [-1, 1] like the joints; 0 if it was not seen."""
-        point = detections.centre if self.config.object_point == CENTRE else detections.foot
+        config = self.config
+        point = detections.centre if config.object_point == CENTRE else detections.foot(config.nadir)
         found = detections.score >= self.detector.threshold
         return View(torch.where(found[..., None], 2 * point - 1, 0.0), found[:, 0])
 

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -72,10 +73,33 @@ def test_owlv2_can_look_at_one_place_alone(owlv2: Owlv2Detector, monkeypatch: py
     assert near.score[0, 1] < near.score[0, 0] < anywhere.score[0, 0]
 
 
-def test_centre_and_foot_of_a_box() -> None:
+def test_centre_of_a_box_and_foot_without_perspective() -> None:
     found = Detections(torch.tensor([[[0.2, 0.3, 0.4, 0.8]]]), torch.ones(1, 1))
     assert torch.allclose(found.centre, torch.tensor([[[0.3, 0.55]]]))
-    assert torch.allclose(found.foot, torch.tensor([[[0.3, 0.8]]]))
+    assert torch.allclose(found.foot(None), torch.tensor([[[0.3, 0.8]]]))
+
+
+@given(
+    tilt=st.floats(30, 75), field=st.floats(30, 80), ahead=st.floats(0.3, 0.9), aside=st.floats(-0.3, 0.3),
+    height=st.floats(0.01, 0.3),
+)  # fmt: skip
+def test_the_foot_of_a_pole_is_where_it_stands(
+    tilt: float, field: float, ahead: float, aside: float, height: float
+) -> None:
+    """The pole stands on a plane one metre below a camera that looks down by `tilt` degrees."""
+    sine, cosine = math.sin(math.radians(tilt)), math.cos(math.radians(tilt))
+    half = math.tan(math.radians(field) / 2)
+
+    def project(above: float) -> tuple[float, float]:
+        below = 1 - above
+        depth = ahead * cosine + below * sine
+        return 0.5 + aside / depth / half / 2, 0.5 + (below * cosine - ahead * sine) / depth / half / 2
+
+    base, top = project(0), project(height)
+    box = [min(base[0], top[0]), top[1], max(base[0], top[0]), base[1]]
+    found = Detections(torch.tensor([[box]], dtype=torch.float64), torch.ones(1, 1))
+    foot = found.foot(nadir=0.5 + cosine / sine / half / 2)
+    assert torch.allclose(foot, torch.tensor([[base]], dtype=torch.float64), atol=1e-9)
 
 
 def test_owlv2_runs_in_batches(owlv2: Owlv2Detector) -> None:

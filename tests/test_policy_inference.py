@@ -136,13 +136,33 @@ def test_the_plan_depends_on_where_the_object_is(t5: Path) -> None:
     assert not torch.allclose(left, right)
 
 
-def test_the_point_of_an_object_is_the_middle_of_its_box_or_its_foot(t5: Path) -> None:
+@pytest.mark.parametrize(
+    ("options", "point"),
+    [
+        ({}, (-0.4, 0.1)),
+        ({"object_point": "foot"}, (-0.4, 0.6)),
+        ({"object_point": "foot", "nadir": 1.05}, (-0.2, 0.6)),
+    ],
+)
+def test_the_point_of_an_object_is_the_middle_of_its_box_or_its_foot(
+    t5: Path, options: dict[str, object], point: tuple[float, float]
+) -> None:
     batch = observe(["push red"])
     batch["observation.objects"][0, :4] = torch.tensor([0.2, 0.3, 0.4, 0.8])
-    points = [make_policy(t5, object_point=point)._watch(batch).visual for point in ("centre", "foot")]
-    assert torch.allclose(torch.cat(points), torch.tensor([[[-0.4, 0.1]], [[-0.4, 0.6]]]))
-    with pytest.raises(ValueError, match=r"--policy.object_point is centre or foot, not 'top'"):
-        make_policy(t5, object_point="top")
+    assert torch.allclose(make_policy(t5, **options)._watch(batch).visual, torch.tensor([[point]]))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"object_point": "top"}, "--policy.object_point is centre or foot, not 'top'"),
+        ({"nadir": 1.1}, "--policy.nadir=1.1 belongs to --policy.object_point=foot"),
+        ({"object_point": "foot", "nadir": 0.9}, "at more than 1"),
+    ],
+)
+def test_points_that_there_are_not(t5: Path, options: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make_policy(t5, **options)
 
 
 def test_owlv2_that_sees_nothing_keeps_the_robot_still(t5: Path, tmp_path: Path) -> None:
