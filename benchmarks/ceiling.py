@@ -68,7 +68,8 @@ def _fit(simulation: TabletopSimulation, seed: int) -> dict[str, Array]:
 
 def main() -> None:
     """Fit, act, count."""
-    scenes, seed = (int(text) for text in [*sys.argv[1:], "360", "1"][:2])
+    scenes = int(sys.argv[1]) if len(sys.argv) > 1 else 720
+    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
     coefficients = _fit(TabletopSimulation(SUITES["clant"]), seed)
     simulation = TabletopSimulation(SUITES["claeo"])
     choices = arrangements(tuple(simulation.objects))
