@@ -2,6 +2,7 @@
 """The policy on a robot, and the modes that speak."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -12,6 +13,7 @@ from lerobot.policies.factory import make_pre_post_processors
 
 from lerobot_owlxt5.detection import Detections
 from lerobot_owlxt5.joint_range import share_joint_range
+from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 from policy_helpers import (
     ENDS,
     EYES,
@@ -23,6 +25,24 @@ from policy_helpers import (
 )
 
 TASKS = ["push red", "Pull the ball!", "slide-to-left can", "dance wildly"]
+
+
+def record_prompts(policy: OWLxT5Policy, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What the language model is asked from now on."""
+    asked: list[str] = []
+    encode = policy.language.encode
+    monkeypatch.setattr(
+        policy.language, "encode", lambda prompts, device: asked.extend(prompts) or encode(prompts, device)
+    )
+    return asked
+
+
+def observe_finished() -> dict[str, Any]:
+    """One episode that has ended."""
+    return observe(["push red"]) | {
+        "action": torch.zeros(1, 2 * HORIZON - 1, 10),
+        "action_is_pad": torch.arange(2 * HORIZON - 1)[None] < HORIZON,
+    }
 
 
 def test_a_plan_is_made_once_and_its_last_action_held(t5: Path) -> None:
@@ -176,11 +196,7 @@ def test_describe_asks_for_the_object_that_moved(
     t5: Path, dataset: LeRobotDataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     policy = make_policy(t5, tasks=["push red", "push green", "push blue", "push cyan"])
-    asked: list[str] = []
-    encode = policy.language.encode
-    monkeypatch.setattr(
-        policy.language, "encode", lambda prompts, device: asked.extend(prompts) or encode(prompts, device)
-    )
+    asked = record_prompts(policy, monkeypatch)
     batch = load_batch(dataset.root, [0, 10, 26], lambda batch: batch, finished=ENDS)
     assert batch[EYES].ndim == 5
     texts = policy.describe(batch)
@@ -225,15 +241,8 @@ def test_describe_takes_what_is_gone_from_its_place(
 
     policy = make_policy(t5)
     monkeypatch.setattr(policy, "detector", Scores())
-    asked: list[str] = []
-    encode = policy.language.encode
-    monkeypatch.setattr(
-        policy.language, "encode", lambda prompts, device: asked.extend(prompts) or encode(prompts, device)
-    )
-    batch = observe(["push red"]) | {
-        "action": torch.zeros(1, 2 * HORIZON - 1, 10),
-        "action_is_pad": torch.arange(2 * HORIZON - 1)[None] < HORIZON,
-    }
+    asked = record_prompts(policy, monkeypatch)
+    batch = observe_finished()
     texts = policy.describe(batch, labels=["cyan", "blue"])
     if expected:
         assert asked == [f"describe: {expected}"]
@@ -244,10 +253,7 @@ def test_describe_takes_what_is_gone_from_its_place(
 
 def test_describe_needs_to_know_what_to_look_for(t5: Path) -> None:
     policy = make_policy(t5)
-    batch = observe(["push red"]) | {
-        "action": torch.zeros(1, 2 * HORIZON - 1, 10),
-        "action_is_pad": torch.arange(2 * HORIZON - 1)[None] < HORIZON,
-    }
+    batch = observe_finished()
     with pytest.raises(ValueError, match="labels"):
         policy.describe(batch)
 
