@@ -14,13 +14,8 @@ from .joint_range import share_joint_range
 if TYPE_CHECKING:
     from lerobot.datasets import LeRobotDatasetMetadata
 
-SCALED_ALIKE = 2e-3
-"""Largest difference between an action that a preprocessor has scaled and the same in `RememberedActions`.
-
-CLANT's first pose lies 0.02 degrees beyond the elbows' limits: in states, but not in scripted actions. If
-LeRobot scales each by its own range, as when the training of a checkpoint goes on, that is all they differ
-by: 0.0011 where an elbow moves little.
-"""
+SCALED_ALIKE = 1e-3
+"""Largest difference between an action that a preprocessor has scaled and the same in `RememberedActions`."""
 
 
 class RememberedActions:

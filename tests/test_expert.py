@@ -19,6 +19,8 @@ from nico_tabletop.tasks import ACTIONS, SLOTS, Action, find_action
 pytest.importorskip("mink", reason="the scripted expert needs the extra `scripted`")
 from clant_claeo.expert import plan
 
+ARMS = {"right": slice(0, 5), "left": slice(5, 10)}
+
 
 @pytest.fixture(scope="module")
 def simulation() -> TabletopSimulation:
@@ -65,16 +67,20 @@ def test_plans_look_like_clant(action: Action, poses: Poses) -> None:
     assert 40 <= len(rows) <= 85
     assert np.isfinite(rows).all()
     np.testing.assert_array_equal(rows[0], INITIAL_POSE_DEG)
-    # The first row itself lies 0.02 degrees beyond the elbows' limits, as in CLANT.
+    # The first row itself lies 0.02 degrees beyond the elbows' limits, and the arm that rests stays there, as
+    # in CLANT.
     low, high = joint_limits_deg().T
-    assert (rows[1:] >= low - 1e-6).all() and (rows[1:] <= high + 1e-6).all()
+    within = (rows[1:] >= low - 1e-6) & (rows[1:] <= high + 1e-6)
+    assert (within | (rows[1:] == INITIAL_POSE_DEG)).all()
+    (acting,) = acts(rows)
+    resting = ARMS["left" if acting == "right" else "right"]
+    np.testing.assert_array_equal(rows[1:, resting], rows[:-1, resting])
     assert np.abs(np.diff(rows, axis=0)).max() * CONTROL_HZ <= 60.1
 
 
 def acts(rows: NDArray[np.float64]) -> list[str]:
     """The arms that a plan moves."""
-    arms = {"right": slice(0, 5), "left": slice(5, 10)}
-    return [side for side, arm in arms.items() if np.ptp(rows[:, arm], axis=0).max() > 40]
+    return [side for side, arm in ARMS.items() if np.ptp(rows[:, arm], axis=0).max() > 40]
 
 
 @pytest.mark.parametrize(

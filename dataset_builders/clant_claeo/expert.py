@@ -99,6 +99,7 @@ class _Arm:
         model = _robot()
         self._body = f"{side}_palm_11"
         self._columns = [model.joint(name).qposadr[0] for name in JOINT_NAMES]
+        self._acts = np.array([name.startswith(side[0]) for name in JOINT_NAMES])
         # CLANT's first row lies a hundredth of a degree beyond the elbows' limits.
         start = np.empty(model.nq)
         start[self._columns] = np.deg2rad(INITIAL_POSE_DEG)
@@ -151,7 +152,8 @@ class _Arm:
             seconds: Least duration.
 
         Returns:
-            Joint angles, one row of shape (10,) per control period, degrees.
+            Joint angles, one row of shape (10,) per control period, degrees; the other arm keeps its own of
+            `robot.INITIAL_POSE_DEG`.
         """
         start = self.fingertips
         way = fingertips - start
@@ -160,7 +162,8 @@ class _Arm:
         for step, share in enumerate(_ease(periods * _SUBSTEPS), start=1):
             self._follow(start + share * way, orientation)
             if step % _SUBSTEPS == 0:
-                rows.append(np.rad2deg(self._configuration.q[self._columns]))
+                angles = np.rad2deg(self._configuration.q[self._columns])
+                rows.append(np.where(self._acts, angles, INITIAL_POSE_DEG))
         return rows
 
     def _follow(self, fingertips: Vector, orientation: mink.SO3) -> None:
