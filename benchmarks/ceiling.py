@@ -4,7 +4,7 @@
 Learns from cubes where on the table an object stands whose box has its centre, or its foot, at a place in the
 picture, and lets the scripted expert act on CLAEO's objects where it takes them to be. Boxes are the
 simulator's **ground truth**, places are free, nothing is rendered. What is missing to 100 % is what the point
-does not tell, and no policy on the same input can be expected to do better.
+does not tell the expert: a guide for policies on the same input, not a bound.
 """
 
 import sys

@@ -40,11 +40,15 @@ class OWLxT5Policy(CrossmodalPolicy):
         return self._view(self._remembered_detections(batch, _objects(batch)))
 
     def _view(self, detections: Detections) -> View:
-        """Where the one object of each sample is, scaled to [-1, 1] like the joints; 0 if it was not seen."""
+        """Where the one object of each sample is; 0 if it was not seen."""
+        found = detections.score >= self.detector.threshold
+        return View(torch.where(found[..., None], self._points(detections), 0.0), found[:, 0])
+
+    def _points(self, detections: Detections) -> Tensor:
+        """The object points, scaled to [-1, 1] like the joints; (samples, names, 2)."""
         config = self.config
         point = detections.centre if config.object_point == CENTRE else detections.foot(config.nadir)
-        found = detections.score >= self.detector.threshold
-        return View(torch.where(found[..., None], 2 * point - 1, 0.0), found[:, 0])
+        return 2 * point - 1
 
     def _describe_prompt(self, task: str) -> str:
         return modes.describe_prompt(parse_command(task).object)
@@ -66,10 +70,10 @@ class OWLxT5Policy(CrossmodalPolicy):
         known = _best_label(before) & (before.score >= DESCRIBE_THRESHOLD_SHARE * self.detector.threshold)
         still_there, moved = torch.where(known, after.score / before.score, 1.0).min(dim=1)
         has_moved = still_there < GONE
-        box = before.box.gather(1, moved[:, None, None].expand(-1, -1, before.box.shape[-1]))
-        view = self._view(Detections(box, has_moved[:, None].float()))
+        point = self._points(before).gather(1, moved[:, None, None].expand(-1, -1, self.dim_visual))
+        visual = torch.where(has_moved[:, None, None], point, 0.0)
         prompts = [modes.describe_prompt(names[index]) for index in moved.tolist()]
-        texts = self._speak(prompts, view.visual, joints)
+        texts = self._speak(prompts, visual, joints)
         return [
             text if any_moved else NOTHING_MOVED
             for text, any_moved in zip(texts, has_moved.tolist(), strict=True)
