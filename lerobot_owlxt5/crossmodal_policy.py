@@ -3,7 +3,7 @@
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 import torch
@@ -131,6 +131,17 @@ class CrossmodalPolicy(PreTrainedPolicy):
         # Translation needs no robot, but a pose to begin with: the one that the last training batch had.
         self.register_buffer("rest_pose", torch.zeros(n_joints))
         self.reset()
+
+    @classmethod
+    def from_pretrained(cls, *args: Any, strict: bool = True, **kwargs: Any) -> Self:
+        """Load a checkpoint as LeRobot does, but refuse weights of another model, be they fewer or more.
+
+        LeRobot only warns by default, and what is missing stays random: the robot would move anyhow.
+
+        Raises:
+            RuntimeError: If parameters are missing or unknown; it names them.
+        """
+        return super().from_pretrained(*args, strict=strict, **kwargs)
 
     # Eyes ---------------------------------------------------------------------------------------------------
 

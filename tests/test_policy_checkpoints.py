@@ -9,6 +9,7 @@ import torch
 from lerobot.datasets import LeRobotDataset
 from lerobot.policies.factory import make_policy as lerobot_make_policy
 from lerobot.policies.factory import make_pre_post_processors
+from safetensors.torch import load_file, save_file
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from lerobot_owlxt5.backbones import SmallT5Config, collect_texts, make_small_t5
@@ -52,6 +53,16 @@ def test_a_checkpoint_of_the_papers_size_is_small(t5: Path, tmp_path: Path) -> N
     policy.save_pretrained(tmp_path / "checkpoint")
     size = sum(path.stat().st_size for path in (tmp_path / "checkpoint").iterdir())
     assert 25e6 < size < 30e6
+
+
+def test_a_checkpoint_with_other_parameters_is_refused(t5: Path, tmp_path: Path) -> None:
+    policy = make_policy(t5)
+    policy.save_pretrained(tmp_path)
+    weights = load_file(tmp_path / "model.safetensors")
+    weights["core.fc.old_name"] = weights.pop("core.fc.weight")
+    save_file(weights, tmp_path / "model.safetensors")
+    with pytest.raises(RuntimeError, match=r"(?s)core\.fc\.weight.*core\.fc\.old_name"):
+        OWLxT5Policy.from_pretrained(tmp_path, config=policy.config)
 
 
 def test_bf16_moves_like_float32(dataset: LeRobotDataset, t5: Path) -> None:
