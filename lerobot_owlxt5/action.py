@@ -30,8 +30,10 @@ class ActionEncoder(nn.Module):
         Returns:
             (batch, steps, 2 * dim_lstm).
         """
-        visual = visual.expand(-1, joints.shape[1], -1)
-        return self.lstm(torch.cat([visual, joints], dim=-1))[0]
+        inputs = torch.cat([visual.expand(-1, joints.shape[1], -1), joints], dim=-1)
+        # In full precision under autocast too: not every processor has an LSTM in bf16.
+        with torch.autocast(inputs.device.type, enabled=False):
+            return self.lstm(inputs.float())[0]
 
 
 class ActionDecoder(nn.Module):
@@ -63,7 +65,7 @@ class ActionDecoder(nn.Module):
 
         Args:
             context: (batch, dim_context), from which the LSTM's initial state is made.
-            visual: (batch, dim_visual), the same at each step.
+            visual: (batch, steps, dim_visual), or one step of what stays the same.
             pose: (batch, n_joints), the first pose, scaled to [-1, 1].
             steps: Number of steps to generate.
 
@@ -73,8 +75,8 @@ class ActionDecoder(nn.Module):
         state = self.initial(context).unflatten(1, (2, *self.shape)).unbind(dim=1)
         hidden, memory = ([*layers.unbind(dim=1)] for layers in state)
         outputs, tops = [], []
-        for _ in range(steps):
-            signal = torch.cat([visual, pose], dim=-1)
+        for seen in visual.expand(-1, steps, -1).unbind(dim=1):
+            signal = torch.cat([seen, pose], dim=-1)
             for layer, cell in enumerate(self.cells):
                 hidden[layer], memory[layer] = cell(signal, (hidden[layer], memory[layer]))
                 signal = hidden[layer]

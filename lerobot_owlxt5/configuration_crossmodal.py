@@ -11,6 +11,8 @@ from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
 from .modes import MODES
 
 EYES = f"{OBS_IMAGES}.eyes"
+CORE_VERSION = 2
+"""What the core's parameters mean. Version 1, which no configuration names, had no ReLU and norm on keys."""
 
 
 def _default_normalization() -> dict[str, NormalizationMode]:
@@ -52,6 +54,7 @@ class CrossmodalConfig(PreTrainedConfig):
         max_text_tokens: Longest text that `describe` and `translate` generate, in tokens.
         tasks: Task texts of the training data; filled in when training starts. They name the objects that
             `describe` looks for, and the tasks that the policy knows beside its own verbs.
+        core_version: `CORE_VERSION` of the package that made the policy; filled in when it is made.
         optimizer_lr: Learning rate of Adam.
     """
 
@@ -77,6 +80,7 @@ class CrossmodalConfig(PreTrainedConfig):
     joint_loss_weight: float = 1.0
     max_text_tokens: int = 128
     tasks: list[str] | None = None
+    core_version: int | None = None
     optimizer_lr: float = 1e-5
 
     def __post_init__(self) -> None:
@@ -129,6 +133,22 @@ class CrossmodalConfig(PreTrainedConfig):
             )
         camera = self._choose_camera()
         self.input_features = {key: inputs[key] for key in (camera, OBS_STATE) if key is not None}
+
+    def check_core_version(self, checkpoint: str) -> None:
+        """Check that a checkpoint's parameters mean what this package takes them for.
+
+        Args:
+            checkpoint: Where this configuration comes from, for the message.
+
+        Raises:
+            ValueError: If it was made before the core's equations changed.
+        """
+        if self.core_version != CORE_VERSION:
+            raise ValueError(
+                f"{checkpoint} was made by another version of lerobot_policy_owlxt5, whose core computes "
+                f"something else with the same parameters (core_version {self.core_version or 1}, here "
+                f"{CORE_VERSION}): train it again."
+            )
 
     def check_dataset(self, features: dict[str, Any]) -> None:
         """Check that a dataset has what the policy reads: a checkpoint may go on with another one.

@@ -13,10 +13,10 @@ EYES_STAGE, CROSSMODAL_STAGE = "eyes", "crossmodal"
 
 def _default_mode_probabilities() -> dict[str, float]:
     return {
-        "execute": 0.225,
-        "describe": 0.225,
-        "repeat_action": 0.225,
-        "repeat_language": 0.225,
+        "execute": 0.3,
+        "describe": 0.3,
+        "repeat_action": 0.15,
+        "repeat_language": 0.15,
         "translate": 0.1,
     }
 
@@ -50,6 +50,11 @@ class CrossT5Config(CrossmodalConfig):
                 f"--policy.autoencoder={self.autoencoder} is for --policy.stage={CROSSMODAL_STAGE}; "
                 f"--policy.stage={EYES_STAGE} trains an autoencoder from the beginning."
             )
+
+    def check_core_version(self, checkpoint: str) -> None:
+        """Check a checkpoint: see `CrossmodalConfig`. Eyes alone have no core."""
+        if self.stage != EYES_STAGE:
+            super().check_core_version(checkpoint)
 
     def get_optimizer_preset(self) -> AdamConfig:
         """Adam, with the stage's learning rate."""

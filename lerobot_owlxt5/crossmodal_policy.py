@@ -3,10 +3,12 @@
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 import torch
+from lerobot.configs import PreTrainedConfig
 from lerobot.policies.pretrained import PreTrainedPolicy
 from lerobot.utils.constants import ACTION, OBS_STATE
 from torch import Tensor, nn
@@ -16,7 +18,7 @@ from . import made_up_names, modes
 from .action import hold_after_stop
 from .annotations import EpisodeTexts, read_texts
 from .commands import object_name, parse_command, spoken, with_article
-from .configuration_crossmodal import CrossmodalConfig
+from .configuration_crossmodal import CORE_VERSION, CrossmodalConfig
 from .core import CrossmodalCore, Thought
 from .episodes import (
     RememberedActions,
@@ -112,6 +114,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
         config.language_model_revision = self.language.revision
         if config.train_language_model:
             self.language_model = self.language.model
+        config.core_version = CORE_VERSION
         n_joints = config.action_feature.shape[0]
         self.core = CrossmodalCore(
             self.language.dim,
@@ -133,15 +136,27 @@ class CrossmodalPolicy(PreTrainedPolicy):
         self.reset()
 
     @classmethod
-    def from_pretrained(cls, *args: Any, strict: bool = True, **kwargs: Any) -> Self:
-        """Load a checkpoint as LeRobot does, but refuse weights of another model, be they fewer or more.
+    def from_pretrained(
+        cls,
+        pretrained_name_or_path: str | Path,
+        *,
+        config: PreTrainedConfig | None = None,
+        strict: bool = True,
+        **kwargs: Any,
+    ) -> Self:
+        """Load a checkpoint as LeRobot does, but refuse weights of another model.
 
         LeRobot only warns by default, and what is missing stays random: the robot would move anyhow.
 
         Raises:
             RuntimeError: If parameters are missing or unknown; it names them.
+            ValueError: If the checkpoint's parameters mean something else in this version.
         """
-        return super().from_pretrained(*args, strict=strict, **kwargs)
+        if config is None:
+            config = PreTrainedConfig.from_pretrained(pretrained_name_or_path, **kwargs)
+        assert isinstance(config, CrossmodalConfig)
+        config.check_core_version(str(pretrained_name_or_path))
+        return super().from_pretrained(pretrained_name_or_path, config=config, strict=strict, **kwargs)
 
     # Eyes ---------------------------------------------------------------------------------------------------
 
@@ -163,7 +178,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
 
     def _get_default_peft_targets(self) -> dict[str, Any]:
         """Adapt all linear layers, and T5's queries and values if it is trained along; LoRA knows no LSTM."""
-        core = r"core\.(crossmodal\.(queries\.0|keys|feedforward\.[03])|fc|decoder\.(initial|joints|stop))"
+        core = r"core\.(crossmodal\.(queries|keys|feedforward\.[03])|fc|decoder\.(initial|joints|stop))"
         return {"target_modules": rf"{core}|language_model\..*\.[qv]", "modules_to_save": []}
 
     def reset(self) -> None:
@@ -211,17 +226,19 @@ class CrossmodalPolicy(PreTrainedPolicy):
         view = self._remember(batch)
 
         moves = (mode == modes.EXECUTE) | (mode == modes.REPEAT_ACTION)
-        target = _choose(
-            moves,
-            actions,
-            _choose(mode == modes.DESCRIBE, actions[:, -1:].expand_as(actions), _held(pose, actions)),
-        )
         visual = _choose(mode != modes.TRANSLATE, view.visual, torch.zeros_like(view.visual))
         summary, language_loss = self._think_in_modes(lessons, visual, pose, actions)
+        # Where nothing moves, the decoder begins with the pose that it is to hold, in describe the last one.
+        describes = mode == modes.DESCRIBE
+        start = torch.where(describes[:, None], actions[:, -1], pose)
+        target = _choose(moves, actions, _held(start, actions))
+        # It sees the frames of a movement that it repeats, else one: nobody has seen a movement to come.
+        shown = _choose(describes, visual[:, -1:], visual[:, :1])
+        shown = _choose(mode == modes.REPEAT_ACTION, visual, shown.expand_as(visual))
         # What a sample's loss is must not depend on the rest of its batch, nor then on how a batch is split
         # among GPUs: so always all steps, and below a mean over the data set.
         step = torch.arange(actions.shape[1], device=pose.device)
-        moved, stop_logits = self.core.decoder(summary, visual[:, 0], pose, len(step))
+        moved, stop_logits = self.core.decoder(summary, shown, start, len(step))
 
         # LeRobot draws frames, so a long episode comes more often; every episode is to count the same, as in
         # the paper's epochs.
@@ -464,7 +481,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
         """A movement for each prompt, (batch, L, joints); after its stop output the pose is held."""
         thought, _, _ = self._think(prompts, visual, joints)
         actions, stop_logits = self.core.decoder(
-            thought.summary, visual[:, 0], joints[:, 0], self.config.max_episode_steps
+            thought.summary, visual, joints[:, 0], self.config.max_episode_steps
         )
         if not actions.isfinite().all():
             raise FloatingPointError(

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A checkpoint's size, and what else may happen to a policy: bf16, torch.compile, EMA, PEFT."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from safetensors.torch import load_file, save_file
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from lerobot_owlxt5.backbones import SmallT5Config, collect_texts, make_small_t5
+from lerobot_owlxt5.configuration_crossmodal import CORE_VERSION
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 from policy_helpers import load_batch, make_config, make_owlv2, make_policy, observe
 
@@ -63,6 +65,21 @@ def test_a_checkpoint_with_other_parameters_is_refused(t5: Path, tmp_path: Path)
     save_file(weights, tmp_path / "model.safetensors")
     with pytest.raises(RuntimeError, match=r"(?s)core\.fc\.weight.*core\.fc\.old_name"):
         OWLxT5Policy.from_pretrained(tmp_path, config=policy.config)
+
+
+@pytest.mark.parametrize(("version", "shown"), [(None, 1), (3, 3)])
+def test_a_checkpoint_whose_parameters_mean_something_else_is_refused(
+    t5: Path, tmp_path: Path, version: int | None, shown: int
+) -> None:
+    """Version 1 wrote none: same sizes, but keys and values without ReLU and norm."""
+    make_policy(t5).save_pretrained(tmp_path)
+    assert OWLxT5Policy.from_pretrained(tmp_path).config.core_version == CORE_VERSION
+    config = json.loads((tmp_path / "config.json").read_text())
+    (tmp_path / "config.json").write_text(json.dumps(config | {"core_version": version}))
+    with pytest.raises(
+        ValueError, match=rf"{tmp_path} was made by .*\(core_version {shown}, .*: train it again\.$"
+    ):
+        OWLxT5Policy.from_pretrained(tmp_path)
 
 
 def test_bf16_moves_like_float32(dataset: LeRobotDataset, t5: Path) -> None:

@@ -14,7 +14,7 @@ def size(module: nn.Module) -> int:
 
 @pytest.mark.parametrize(("dim_visual", "published"), [(2, 6_352_394), (30, 6_438_410)])
 def test_parameter_count(dim_visual: int, published: int) -> None:
-    """With CrossT5's 30 visual features the sum is the one that its authors' training log prints."""
+    """With CrossT5's 30 visual features the sum is that of its authors' code."""
     core = CrossmodalCore(dim_language=512, dim_visual=dim_visual, n_joints=10)
     assert size(core) - size(core.decoder.stop) == published
 
@@ -33,7 +33,7 @@ def test_padding_changes_nothing() -> None:
 def test_the_decoder_is_causal_and_bounded() -> None:
     torch.manual_seed(0)
     decoder = ActionDecoder(8, 2, 3, dim_lstm=8, n_layers=2)
-    inputs = torch.randn(2, 8), torch.randn(2, 2), torch.rand(2, 3)
+    inputs = torch.randn(2, 8), torch.randn(2, 1, 2), torch.rand(2, 3)
     long, long_stop = decoder(*inputs, steps=6)
     short, short_stop = decoder(*inputs, steps=3)
     assert torch.allclose(long[:, :3], short)
