@@ -20,7 +20,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from clant_claeo.expert import plan
-from lerobot_owlxt5.detection import Detections
+from lerobot_owlxt5.backbones.detections import Detections
 from nico_tabletop.objects import SUITES
 from nico_tabletop.placement import OutOfReachError, Pose, draw_poses
 from nico_tabletop.replay import replay

@@ -27,10 +27,10 @@ from torch.utils.data import DataLoader, Subset
 from torch.utils.flop_counter import FlopCounterMode
 from transformers import AutoModelForSeq2SeqLM, Owlv2Config, Owlv2ForObjectDetection
 
-from lerobot_owlxt5.backbones import SmallT5Config, collect_texts, make_small_t5
+from lerobot_owlxt5.backbones.pretrained import EMBEDDED
+from lerobot_owlxt5.backbones.small_t5 import SmallT5Config, collect_texts, make_small_t5
+from lerobot_owlxt5.backbones.zero_shot import ZeroShotDetector
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
-from lerobot_owlxt5.detection import Owlv2Detector
-from lerobot_owlxt5.pretrained import EMBEDDED
 
 PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
 BATCHES, BATCH_SIZE = 8, 64
@@ -155,7 +155,7 @@ def main() -> None:
         seconds = _seconds(lambda dtype=dtype: detect(dtype), device, 3)
         console.print(f"OWLv2-base, forward, {name}: {seconds:.2f} s an image")
 
-    eyes = Owlv2Detector(EMBEDDED, None, None, "picture")
+    eyes = ZeroShotDetector(EMBEDDED, None, None, "picture")
     view = {"picture": torch.rand(1, 3, 240, 320, device=device)}
     eyes(view, [["mug"]])
     seconds = _seconds(lambda: eyes(view, [["mug"]]), device, 20)

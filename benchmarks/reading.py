@@ -75,7 +75,7 @@ def main() -> None:
         folder = Path(name)
         t5 = folder / "t5"
         subprocess.run(
-            [sys.executable, "-m", "lerobot_owlxt5.backbones", f"--output_dir={t5}", *_T5_SMALL],
+            [sys.executable, "-m", "lerobot_owlxt5.backbones.small_t5", f"--output_dir={t5}", *_T5_SMALL],
             check=True,
             stdout=subprocess.DEVNULL,
         )

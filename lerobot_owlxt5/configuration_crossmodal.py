@@ -2,15 +2,15 @@
 """What the configurations of OWLxT5 and CrossT5 have in common."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from lerobot.configs import FeatureType, NormalizationMode, PolicyFeature, PreTrainedConfig
 from lerobot.optim import AdamConfig
-from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
+from lerobot.utils.constants import ACTION, OBS_STATE
 
-from .modes import MODES
+from .camera import choose_camera
+from .commands.prompts import MODES
 
-EYES = f"{OBS_IMAGES}.eyes"
 CORE_VERSION = 2
 """What the core's parameters mean. Version 1, which no configuration names, had no ReLU and norm on keys."""
 
@@ -29,7 +29,7 @@ def _default_mode_probabilities() -> dict[str, float]:
 
 @dataclass
 class CrossmodalConfig(PreTrainedConfig):
-    """A split T5, a crossmodal Transformer and an LSTM action path; the eyes are the subclass's.
+    """A split T5, a crossmodal Transformer and an LSTM action path; what it sees is the subclass's.
 
     The defaults are the paper's sizes. The policy plans a whole episode from its first frame, so the
     dataset's episodes must not be longer than `max_episode_steps`.
@@ -40,7 +40,7 @@ class CrossmodalConfig(PreTrainedConfig):
         language_model_revision: Hub revision of the language model; None is its main branch.
         train_language_model: Train T5 along and store its weights in the checkpoint. By default it stays
             frozen and a checkpoint only names it.
-        camera: Image feature that the eyes look at. None: `observation.images.eyes`, or the only camera.
+        camera: Image feature to look at. None: `observation.images.eyes`, or the only camera.
         max_episode_steps: Longest episode L in steps, in training and as a plan.
         dim_model: Width of the crossmodal Transformer.
         n_heads: Attention heads of the crossmodal Transformer.
@@ -56,7 +56,14 @@ class CrossmodalConfig(PreTrainedConfig):
             `describe` looks for, and the tasks that the policy knows beside its own verbs.
         core_version: `CORE_VERSION` of the package that made the policy; filled in when it is made.
         optimizer_lr: Learning rate of Adam.
+
+    Attributes:
+        dim_visual: Numbers that a frame is turned into.
+        modes: What the policy can do, out of `MODES`.
     """
+
+    dim_visual: ClassVar[int]
+    modes: ClassVar[tuple[str, ...]] = MODES
 
     normalization_mapping: dict[str, NormalizationMode] = field(default_factory=_default_normalization)
 
@@ -85,10 +92,11 @@ class CrossmodalConfig(PreTrainedConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        unknown = set(self.mode_probabilities) - set(MODES)
+        unknown = set(self.mode_probabilities) - set(self.modes)
         if unknown:
             raise ValueError(
-                f"--policy.mode_probabilities names unknown modes {sorted(unknown)}; the modes are {MODES}."
+                f"--policy.mode_probabilities names unknown modes {sorted(unknown)}; {self.type} has "
+                f"{self.modes}."
             )
         shares = self.mode_probabilities.values()
         if any(share < 0 for share in shares) or not any(
@@ -131,8 +139,9 @@ class CrossmodalConfig(PreTrainedConfig):
                 f"{action.shape} must be of one size. Choose a dataset whose action is the next position of "
                 "the same joints, and for a checkpoint one of the same robot."
             )
-        camera = self._choose_camera()
-        self.input_features = {key: inputs[key] for key in (camera, OBS_STATE) if key is not None}
+        cameras = [key for key, feature in inputs.items() if feature.type is FeatureType.VISUAL]
+        seen = [] if self.can_be_blind and not cameras else [choose_camera(cameras, self.camera, self.type)]
+        self.input_features = {key: inputs[key] for key in (*seen, OBS_STATE)}
 
     def check_core_version(self, checkpoint: str) -> None:
         """Check that a checkpoint's parameters mean what this package takes them for.
@@ -179,25 +188,6 @@ class CrossmodalConfig(PreTrainedConfig):
         """Whether a dataset without any camera will do."""
         return False
 
-    def _choose_camera(self) -> str | None:
-        cameras = [key for key, ft in self.image_features.items() if ft.type is FeatureType.VISUAL]
-        if self.camera is not None:
-            if self.camera not in cameras:
-                raise ValueError(
-                    f"--policy.camera={self.camera} is not among the dataset's cameras: {cameras}."
-                )
-            return self.camera
-        if EYES in cameras:
-            return EYES
-        if not cameras and self.can_be_blind:
-            return None
-        if len(cameras) != 1:
-            raise ValueError(
-                f"{self.type} looks through one camera, and the dataset has {cameras or 'none'}. "
-                + ("Name one with --policy.camera." if cameras else "Choose a dataset with an image feature.")
-            )
-        return cameras[0]
-
     def get_optimizer_preset(self) -> AdamConfig:
         """Adam, as in the paper (section 3)."""
         return AdamConfig(lr=self.optimizer_lr)
@@ -217,7 +207,7 @@ class CrossmodalConfig(PreTrainedConfig):
 
     @property
     def action_delta_indices(self) -> None:
-        """Training reads whole episodes itself, see `episodes.RememberedActions`."""
+        """Training reads whole episodes itself, see `data.episode_store`."""
         return None
 
     @property

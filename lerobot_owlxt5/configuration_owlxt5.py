@@ -2,10 +2,11 @@
 """Configuration of the policy OWLxT5."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from lerobot.configs import PreTrainedConfig
 
+from .commands.prompts import MODES
 from .configuration_crossmodal import CrossmodalConfig
 
 GROUND_TRUTH = "ground_truth"
@@ -20,10 +21,11 @@ NO_OBJECTS = (
 @PreTrainedConfig.register_subclass("owlxt5")
 @dataclass
 class OWLxT5Config(CrossmodalConfig):
-    """Configuration of OWLxT5, whose eyes are an open-vocabulary detector.
+    """Configuration of OWLxT5, which sees with an open-vocabulary detector.
 
     Args:
-        detector: OWLv2: Hub id, folder, or `embedded`, the small one in this package. Or `ground_truth`: the
+        detector: OWLv2, OWL-ViT or Grounding DINO: Hub id, folder, or `embedded`, the small OWLv2 in this
+            package. Or `ground_truth`: the
             simulator's own boxes, which the dataset and the environment give as `observation.objects`; an
             upper bound, never to be reported as OWLv2. It needs no camera.
         detector_revision: Hub revision of the detector; None is its main branch.
@@ -32,10 +34,13 @@ class OWLxT5Config(CrossmodalConfig):
         object_point: Which point of its box says where an object is. `centre`: as in the paper (section 3).
             `foot`: where an upright object touches the table, in the lower edge: for objects that are not as
             tall as those of the training data and may stand anywhere (our addition).
-        nadir: For `foot`: where straight down is in the picture of a camera that is not tilted sideways, the
-            row as a share of the picture's height. NICO's eyes: 1.086. None: the camera looks ahead, and
-            uprights stand upright in its picture.
+        nadir: For `foot`: where straight down is in the image of a camera that is not tilted sideways, the
+            row as a share of the image's height. NICO's camera `eyes`: 1.086. None: the camera looks ahead,
+            and uprights stand upright in its image.
     """
+
+    dim_visual: ClassVar[int] = 2
+    modes: ClassVar[tuple[str, ...]] = tuple(mode for mode in MODES if mode != "repeat_language")
 
     detector: str = "google/owlv2-base-patch16"
     detector_revision: str | None = None
@@ -50,7 +55,7 @@ class OWLxT5Config(CrossmodalConfig):
         if self.nadir is not None and (self.object_point != FOOT or self.nadir <= 1):
             raise ValueError(
                 f"--policy.nadir={self.nadir} belongs to --policy.object_point={FOOT} and lies below the "
-                "picture, at more than 1."
+                "image, at more than 1."
             )
 
     def check_dataset(self, features: dict[str, Any]) -> None:

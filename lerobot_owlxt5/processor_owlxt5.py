@@ -7,7 +7,7 @@ import torch
 from lerobot.processor import PolicyAction, PolicyProcessorPipeline, make_default_pre_post_processors
 
 from .configuration_crossmodal import CrossmodalConfig
-from .joint_range import share_joint_range
+from .data.normalization import share_joint_range
 
 
 def make_owlxt5_pre_post_processors(

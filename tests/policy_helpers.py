@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+import pytest
 import torch
 from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.datasets import LeRobotDataset
@@ -21,8 +22,9 @@ from transformers import (
     Owlv2Processor,
 )
 
-from lerobot_owlxt5.backbones import SmallT5Config, collect_texts, make_small_t5
+from lerobot_owlxt5.backbones.small_t5 import SmallT5Config, collect_texts, make_small_t5
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
+from lerobot_owlxt5.modeling_crossmodal import CrossmodalPolicy
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 
 # With models this small, threads would mostly wait for each other.
@@ -200,6 +202,17 @@ def observe(tasks: list[str], objects: list[list[str]] | None = None) -> dict[st
         "observation.objects": torch.tensor(np.stack([object_features(names) for names in arrangements])),
         "task": tasks,
     }
+
+
+def record_prompts(policy: CrossmodalPolicy, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What the language model is asked from now on."""
+    asked: list[str] = []
+    language = policy.model.language
+    encode = language.encode
+    monkeypatch.setattr(
+        language, "encode", lambda prompts, device: asked.extend(prompts) or encode(prompts, device)
+    )
+    return asked
 
 
 def load_batch(

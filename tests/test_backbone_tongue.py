@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lerobot_owlxt5.backbones import SmallT5Config
+from lerobot_owlxt5.backbones.small_t5 import SmallT5Config
 from owlxt5_backbones import card, exam_tongue
 from owlxt5_backbones.grammar import ADJECTIVES, VERBS, Case, Noun, Thing, compound, draw_translation, nouns
 from owlxt5_backbones.tongue import draw_lesson

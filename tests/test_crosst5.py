@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The baseline CrossT5: its eyes, its two stages, and what it does without a detector."""
+"""The baseline CrossT5: its autoencoder, its two trainings, and what it does without a detector."""
 
 import json
 from pathlib import Path
@@ -13,11 +13,20 @@ from lerobot.policies.factory import make_pre_post_processors
 from safetensors.torch import load_file
 
 from commands import run, run_anyway
-from lerobot_owlxt5.autoencoder import HEIGHT, WIDTH, ChannelSeparatedAutoencoder
-from lerobot_owlxt5.configuration_crosst5 import CrossT5Config
-from lerobot_owlxt5.frames import read_episodes
-from lerobot_owlxt5.modeling_crosst5 import CrossT5Policy
-from policy_helpers import EYES, HORIZON, load_batch, make_policy, make_t5, observe, small_options
+from lerobot_owlxt5 import CrossT5AutoencoderConfig, CrossT5Config, CrossT5Policy
+from lerobot_owlxt5.data.episode_store import EpisodeStore
+from lerobot_owlxt5.mode_sampling import ModeSampler
+from lerobot_owlxt5.model.autoencoder import HEIGHT, WIDTH, ChannelSeparatedAutoencoder
+from policy_helpers import (
+    EYES,
+    HORIZON,
+    load_batch,
+    make_policy,
+    make_t5,
+    observe,
+    record_prompts,
+    small_options,
+)
 
 FRAMES = [0, 7, 20, 26]
 WINDOW = list(range(1 - HORIZON, HORIZON))
@@ -28,34 +37,34 @@ def make_config(t5: Path, **options: Any) -> CrossT5Config:
 
 
 @pytest.fixture(scope="module")
-def eyes(tmp_path_factory: pytest.TempPathFactory, dataset: LeRobotDataset) -> Path:
-    """A checkpoint of the first stage, untrained; made without any language model."""
+def autoencoder(tmp_path_factory: pytest.TempPathFactory, dataset: LeRobotDataset) -> Path:
+    """A checkpoint of the first training, untrained."""
     torch.manual_seed(1)
-    config = CrossT5Config(stage="eyes", device="cpu", language_model="/nowhere", push_to_hub=False)
-    folder = tmp_path_factory.mktemp("eyes") / "pretrained_model"
+    config = CrossT5AutoencoderConfig(device="cpu", push_to_hub=False)
+    folder = tmp_path_factory.mktemp("autoencoder") / "pretrained_model"
     lerobot_make_policy(config, ds_meta=dataset.meta).save_pretrained(folder)
     return folder
 
 
-def make(dataset: LeRobotDataset, t5: Path, eyes: Path, **options: Any) -> tuple[CrossT5Policy, Any]:
+def make(dataset: LeRobotDataset, t5: Path, autoencoder: Path, **options: Any) -> tuple[CrossT5Policy, Any]:
     """Policy and preprocessor as lerobot-train makes them for the second stage."""
     torch.manual_seed(0)
-    config = make_config(t5, autoencoder=str(eyes), **options)
+    config = make_config(t5, autoencoder=str(autoencoder), **options)
     policy = lerobot_make_policy(config, ds_meta=dataset.meta)
     return policy, make_pre_post_processors(config, dataset_stats=dataset.meta.stats)[0]
 
 
-# Eyes -------------------------------------------------------------------------------------------------------
+# Autoencoder ------------------------------------------------------------------------------------------------
 
 
 def test_channels_do_not_mix() -> None:
     torch.manual_seed(0)
     autoencoder = ChannelSeparatedAutoencoder().eval()
     images = torch.rand(2, 3, HEIGHT, WIDTH)
-    features = autoencoder.look(images)
+    features = autoencoder.encode_frames(images)
     assert features.shape == (2, 30)
     images[:, 1] = torch.rand(HEIGHT, WIDTH)
-    changed = (autoencoder.look(images) != features).any(dim=0)
+    changed = (autoencoder.encode_frames(images) != features).any(dim=0)
     assert changed.unflatten(0, (3, 10)).any(dim=1).tolist() == [False, True, False]
 
 
@@ -63,16 +72,16 @@ def test_pictures_of_any_size_and_type_are_seen_alike() -> None:
     torch.manual_seed(0)
     autoencoder = ChannelSeparatedAutoencoder()
     small = torch.randint(0, 256, (2, 40, 3, HEIGHT, WIDTH), dtype=torch.uint8)
-    features = autoencoder.look(small)
+    features = autoencoder.encode_frames(small)
     assert features.shape == (2, 40, 30)
     large = small[:, :2].repeat_interleave(2, dim=-1).repeat_interleave(2, dim=-2)
-    assert torch.allclose(autoencoder.look(large / 255), features[:, :2], atol=1e-5)
+    assert torch.allclose(autoencoder.encode_frames(large / 255), features[:, :2], atol=1e-5)
 
 
 def test_reading_all_frames_gives_what_the_data_set_gives(folder: Path, dataset: LeRobotDataset) -> None:
     """Video and images; the features that training remembers are those that the policy sees in a batch."""
     for whole in (LeRobotDataset("local/clant", root=folder / "data"), dataset):
-        episodes = dict(read_episodes(whole.meta, EYES))
+        episodes = dict(EpisodeStore(whole.meta).frames(EYES))
         assert list(episodes) == list(range(whole.num_episodes))
         for episode in (0, whole.num_episodes - 1):
             row = whole.meta.episodes[episode]
@@ -82,38 +91,38 @@ def test_reading_all_frames_gives_what_the_data_set_gives(folder: Path, dataset:
                 assert torch.allclose(episodes[episode][step] / 255, item[EYES], atol=2 / 255)
 
 
-def test_a_finished_episode_is_seen_as_it_was_remembered(
-    dataset: LeRobotDataset, t5: Path, eyes: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_finished_episode_is_seen_as_in_training(
+    dataset: LeRobotDataset, t5: Path, autoencoder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    policy, preprocessor = make(dataset, t5, eyes)
-    remembered = policy._remember(load_batch(dataset.root, FRAMES, preprocessor))
-    assert remembered.visual.shape == (4, HORIZON, 30)
-    assert remembered.found.all()
-    extremes = torch.stack([policy.lowest, policy.highest])
-    assert torch.allclose(policy._view(extremes).visual.abs(), torch.ones(2, 30), atol=1e-3)
-    assert remembered.visual.abs().max() <= 1 + 1e-3
-    batch = load_batch(dataset.root, FRAMES, preprocessor, finished=WINDOW)
+    policy, preprocessor = make(dataset, t5, autoencoder)
+    visual, tasks = policy.visual, ["-"] * len(FRAMES)
+    batch = load_batch(dataset.root, FRAMES, preprocessor)
+    cached = visual.encode_cached(batch, tasks, EpisodeStore(dataset.meta))
+    assert cached.features.shape == (4, HORIZON, 30)
+    assert cached.object_found.all()
+    assert cached.features.abs().max() <= 1 + 1e-3
+    assert (visual.lowest < visual.highest).all()
+    finished = load_batch(dataset.root, FRAMES, preprocessor, finished=WINDOW)
     assert policy.config.describe_delta_indices == WINDOW
-    seen = policy._watch(batch).visual
-    assert torch.allclose(seen, remembered.visual, atol=1e-3)
+    seen = visual.encode(finished, tasks).features
+    assert torch.allclose(seen, cached.features, atol=1e-3)
     assert not torch.allclose(seen[:, 0], seen[:, 1])
-    first = policy._watch(load_batch(dataset.root, FRAMES, preprocessor)).visual
+    first = visual.encode(batch, tasks).features
     assert torch.allclose(first, seen[:, :1], atol=1e-3)
 
     def fail(images: torch.Tensor) -> torch.Tensor:
         raise AssertionError("frames must be encoded once")
 
-    monkeypatch.setattr(policy.autoencoder, "look", fail)
-    policy.train()
-    policy.forward(load_batch(dataset.root, FRAMES, preprocessor))
+    monkeypatch.setattr(policy.visual.autoencoder, "encode_frames", fail)
+    visual.encode_cached(batch, tasks, EpisodeStore(dataset.meta))
 
 
-def test_eyes_learn_to_reconstruct_frames(folder: Path) -> None:
+def test_the_autoencoder_learns_to_reconstruct_frames(folder: Path) -> None:
     meta = LeRobotDatasetMetadata("local/clant", root=folder / "data")
     torch.manual_seed(0)
-    config = CrossT5Config(stage="eyes", eyes_lr=4e-3, device="cpu", push_to_hub=False)
+    config = CrossT5AutoencoderConfig(optimizer_lr=4e-3, device="cpu", push_to_hub=False)
     policy = lerobot_make_policy(config, ds_meta=meta)
-    frames = torch.cat([frames for _, frames in read_episodes(meta, EYES)])[::200] / 255
+    frames = torch.cat([frames for _, frames in EpisodeStore(meta).frames(EYES)])[::200] / 255
     mean_picture = 255 * frames.std(dim=0, correction=0).square().mean().sqrt().item()
     optimizer = policy.config.get_optimizer_preset().build(policy.get_optim_params())
     policy.train()
@@ -125,17 +134,17 @@ def test_eyes_learn_to_reconstruct_frames(folder: Path) -> None:
     assert terms["grey_levels"] < 0.95 * mean_picture, "features must tell the frames apart"
 
 
-# The second stage -------------------------------------------------------------------------------------------
+# The second training ----------------------------------------------------------------------------------------
 
 
-def test_a_checkpoint_holds_core_and_eyes(
-    dataset: LeRobotDataset, t5: Path, eyes: Path, tmp_path: Path
+def test_a_checkpoint_holds_core_and_autoencoder(
+    dataset: LeRobotDataset, t5: Path, autoencoder: Path, tmp_path: Path
 ) -> None:
-    policy, preprocessor = make(dataset, t5, eyes)
-    trained = load_file(eyes / "model.safetensors")
-    before = {key: value.clone() for key, value in policy.state_dict().items() if key in trained}
-    assert before.keys() == trained.keys()
-    assert all(torch.equal(before[key], trained[key]) for key in trained)
+    policy, preprocessor = make(dataset, t5, autoencoder)
+    trained = load_file(autoencoder / "model.safetensors")
+    before = {f"visual.{key}": value for key, value in trained.items()}
+    state = policy.state_dict()
+    assert all(torch.equal(state[key], value) for key, value in before.items())
     optimizer = torch.optim.Adam(policy.get_optim_params(), 1e-2)
     policy.train()
     policy.forward(load_batch(dataset.root, FRAMES, preprocessor))[0].backward()
@@ -145,7 +154,7 @@ def test_a_checkpoint_holds_core_and_eyes(
 
     policy.save_pretrained(tmp_path)
     stored = {key.split(".")[0] for key in load_file(tmp_path / "model.safetensors")}
-    assert stored == {"core", "autoencoder", "lowest", "highest", "training_seed", "rest_pose"}
+    assert stored == {"model", "visual", "training_seed", "rest_pose"}
     config = json.loads((tmp_path / "config.json").read_text())
     (tmp_path / "config.json").write_text(json.dumps(config | {"autoencoder": "/gone"}))
     loaded = CrossT5Policy.from_pretrained(tmp_path, strict=True)
@@ -153,38 +162,41 @@ def test_a_checkpoint_holds_core_and_eyes(
     assert torch.equal(loaded.predict_action_chunk(batch), policy.predict_action_chunk(batch))
 
 
-def test_only_a_command_that_is_not_known_is_refused(dataset: LeRobotDataset, t5: Path, eyes: Path) -> None:
-    policy, _ = make(dataset, t5, eyes)
+def test_only_a_command_that_is_not_known_is_refused(
+    dataset: LeRobotDataset, t5: Path, autoencoder: Path
+) -> None:
+    policy, _ = make(dataset, t5, autoencoder)
     batch = observe(["push red", "pull the mug", "dance wildly"])
     plan = policy.predict_action_chunk(batch)
-    assert policy.say() == [
-        "I pushed the red cube.",
-        "I pulled the mug.",
+    assert policy.responses == [
+        "I will push the red cube.",
+        "I will pull the mug.",
         "I do not know how to dance wildly.",
     ]
     held = (plan == batch["observation.state"][:, None]).all(dim=(1, 2))
     assert held.tolist() == [False, False, True]
 
 
-def test_the_plan_depends_on_the_picture(dataset: LeRobotDataset, t5: Path, eyes: Path) -> None:
-    policy, _ = make(dataset, t5, eyes)
+def test_the_plan_depends_on_the_picture(dataset: LeRobotDataset, t5: Path, autoencoder: Path) -> None:
+    policy, _ = make(dataset, t5, autoencoder)
     batch = observe(["push red"])
     plan = policy.predict_action_chunk(batch)
     batch[EYES] = torch.zeros_like(batch[EYES])
     assert not torch.allclose(policy.predict_action_chunk(batch), plan)
 
 
-def test_five_modes(dataset: LeRobotDataset, t5: Path, eyes: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    policy, preprocessor = make(dataset, t5, eyes)
+def test_five_modes(
+    dataset: LeRobotDataset, t5: Path, autoencoder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    policy, preprocessor = make(dataset, t5, autoencoder)
     batch = load_batch(dataset.root, list(range(27)), preprocessor)
-    assert {prompt.split(":")[0] for prompt in policy._make_lessons(batch).prompts} == {
+    texts = EpisodeStore(dataset.meta).texts
+    shares = policy.config.mode_probabilities
+    sampler = ModeSampler(shares, texts, names_objects=policy.visual.names_objects, pseudo_names=False)
+    assert {prompt.split(":")[0] for prompt in sampler.sample(batch, None).prompts} == {
         *("execute", "describe", "repeat action", "repeat language", "Translate English to German"),
     }
-    asked: list[str] = []
-    encode = policy.language.encode
-    monkeypatch.setattr(
-        policy.language, "encode", lambda prompts, device: asked.extend(prompts) or encode(prompts, device)
-    )
+    asked = record_prompts(policy, monkeypatch)
     batch = load_batch(dataset.root, [0, 20], preprocessor, finished=WINDOW)
     answers = [
         policy.describe(batch),
@@ -204,25 +216,13 @@ def test_five_modes(dataset: LeRobotDataset, t5: Path, eyes: Path, monkeypatch: 
 # Errors -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"stage": "ears"}, r"--policy\.stage=ears"),
-        ({"stage": "eyes", "autoencoder": "some/where"}, r"--policy\.autoencoder=some/where"),
-    ],
-)
-def test_options_that_make_no_sense_are_refused(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        CrossT5Config(device="cpu", **options)
-
-
-def test_eyes_that_cannot_be_had_are_refused(
-    dataset: LeRobotDataset, t5: Path, eyes: Path, tmp_path: Path
+def test_an_autoencoder_that_cannot_be_had_are_refused(
+    dataset: LeRobotDataset, t5: Path, autoencoder: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "empty").mkdir()
-    make(dataset, t5, eyes)[0].save_pretrained(tmp_path / "crossmodal")
+    make(dataset, t5, autoencoder)[0].save_pretrained(tmp_path / "crossmodal")
     make_policy(t5).save_pretrained(tmp_path / "owlxt5")
-    with pytest.raises(ValueError, match=r"set --policy\.autoencoder\. .*--policy\.stage=eyes"):
+    with pytest.raises(ValueError, match=r"set --policy\.autoencoder\. .*--policy\.type=crosst5_autoencoder"):
         lerobot_make_policy(make_config(t5), ds_meta=dataset.meta)
     for name, reason in (
         ("empty", "not found"),
@@ -230,7 +230,9 @@ def test_eyes_that_cannot_be_had_are_refused(
         ("crossmodal", "another kind"),
         ("owlxt5", "another kind"),
     ):
-        with pytest.raises(OSError, match=rf"--policy\.autoencoder=\S+/{name} .*{reason}.*stage=eyes"):
+        with pytest.raises(
+            OSError, match=rf"--policy\.autoencoder=\S+/{name} .*{reason}.*=crosst5_autoencoder"
+        ):
             make(dataset, t5, tmp_path / name)
 
 
@@ -247,34 +249,34 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def train(folder: Path, name: str, *arguments: str) -> Path:
+def train(folder: Path, policy: str, *arguments: str) -> Path:
     """Train four steps; the last checkpoint."""
     run(
         "lerobot-train",
-        *("--policy.type=crosst5", "--policy.device=cpu", "--policy.push_to_hub=false"),
+        *(f"--policy.type={policy}", "--policy.device=cpu", "--policy.push_to_hub=false"),
         *("--dataset.repo_id=local/clant", f"--dataset.root={folder / 'data'}"),
         *(
             "--batch_size=4",
             "--num_workers=0",
             "--steps=4",
             "--save_freq=2",
-            f"--output_dir={folder / name}",
+            f"--output_dir={folder / policy}",
             *arguments,
         ),
     )
-    return folder / name / "checkpoints" / "last" / "pretrained_model"
+    return folder / policy / "checkpoints" / "last" / "pretrained_model"
 
 
 @pytest.fixture(scope="module")
-def trained_eyes(folder: Path) -> Path:
-    return train(folder, "eyes", "--policy.stage=eyes")
+def trained_autoencoder(folder: Path) -> Path:
+    return train(folder, "crosst5_autoencoder")
 
 
 @pytest.fixture(scope="module")
-def checkpoint(folder: Path, trained_eyes: Path) -> Path:
+def checkpoint(folder: Path, trained_autoencoder: Path) -> Path:
     sizes = ("--policy.dim_model=32", "--policy.dim_feedforward=32", "--policy.dim_lstm=16")
     language = (f"--policy.language_model={folder / 't5'}", "--policy.train_language_model=true")
-    return train(folder, "crossmodal", *sizes, *language, f"--policy.autoencoder={trained_eyes}")
+    return train(folder, "crosst5", *sizes, *language, f"--policy.autoencoder={trained_autoencoder}")
 
 
 def evaluate(checkpoint: Path, suite: str, output: Path) -> tuple[str, ...]:
@@ -295,13 +297,13 @@ def test_a_checkpoint_is_evaluated(folder: Path, checkpoint: Path, suite: str) -
 
 
 def test_a_resumed_run_encodes_again_and_ends_with_the_same_weights(
-    folder: Path, trained_eyes: Path, checkpoint: Path
+    folder: Path, trained_autoencoder: Path, checkpoint: Path
 ) -> None:
     before = load_file(checkpoint / "model.safetensors")
     assert all(tensor.isfinite().all() for tensor in before.values())
-    for key, tensor in load_file(trained_eyes / "model.safetensors").items():
-        assert torch.equal(tensor, before[key]), key
-    config = folder / "crossmodal" / "checkpoints" / "000002" / "pretrained_model" / "train_config.json"
+    for key, tensor in load_file(trained_autoencoder / "model.safetensors").items():
+        assert torch.equal(tensor, before[f"visual.{key}"]), key
+    config = folder / "crosst5" / "checkpoints" / "000002" / "pretrained_model" / "train_config.json"
     run("lerobot-train", f"--config_path={config}", "--resume=true")
     after = load_file(checkpoint / "model.safetensors")
     assert before.keys() == after.keys()
@@ -309,14 +311,7 @@ def test_a_resumed_run_encodes_again_and_ends_with_the_same_weights(
         assert torch.equal(tensor, after[key]), key
 
 
-def test_eyes_alone_cannot_speak(eyes: Path) -> None:
-    policy = CrossT5Policy.from_pretrained(eyes)
-    for speak in (policy.translate, policy.repeat_language):
-        with pytest.raises(ValueError, match="This checkpoint has eyes alone"):
-            speak(["push red"])
-
-
-def test_eyes_alone_cannot_be_evaluated(folder: Path, trained_eyes: Path) -> None:
-    done = run_anyway("lerobot-eval", *evaluate(trained_eyes, "clant", folder / "eval_eyes"))
+def test_an_autoencoder_alone_cannot_be_evaluated(folder: Path, trained_autoencoder: Path) -> None:
+    done = run_anyway("lerobot-eval", *evaluate(trained_autoencoder, "clant", folder / "eval_autoencoder"))
     assert done.returncode != 0
-    assert "ValueError: This checkpoint has eyes alone (--policy.stage=eyes)" in done.stdout
+    assert "ValueError: This checkpoint is CrossT5's autoencoder alone and cannot act" in done.stdout

@@ -42,7 +42,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     small = ("--d_model=16", "--d_kv=8", "--d_ff=16", "--num_layers=1", "--num_heads=2")
     output = run(
         "python",
-        *("-m", "lerobot_owlxt5.backbones", f"--output_dir={folder / 't5'}"),
+        *("-m", "lerobot_owlxt5.backbones.small_t5", f"--output_dir={folder / 't5'}"),
         *(f"--dataset_root={folder / 'data'}", *small),
     )
     assert "lerobot-train" in output.splitlines()[-1]

@@ -12,12 +12,13 @@ import torch
 from lerobot.datasets import LeRobotDataset
 
 from commands import run
-from lerobot_owlxt5.commands import spoken
-from lerobot_owlxt5.episodes import recover_actions
-from lerobot_owlxt5.evaluate import EvaluateConfig, choose_episodes, main, open_dataset
+from lerobot_owlxt5.commands.parser import spoken
+from lerobot_owlxt5.commands.prompts import MODES
+from lerobot_owlxt5.data.windows import recover_actions
+from lerobot_owlxt5.evaluation.cli import EvaluateConfig, choose_episodes, main, open_dataset
+from lerobot_owlxt5.evaluation.report import Row
+from lerobot_owlxt5.evaluation.scoring import accepted_descriptions, score_policy
 from lerobot_owlxt5.processor_owlxt5 import make_owlxt5_pre_post_processors
-from lerobot_owlxt5.report import Row
-from lerobot_owlxt5.scoring import accepted_descriptions, score_policy
 from policy_helpers import HORIZON, make_config, make_dataset, make_owlv2, make_policy, make_t5
 
 AS_TRAINED = {
@@ -59,7 +60,7 @@ def arguments(folder: Path, **options: Any) -> list[str]:
 
 
 def evaluate(folder: Path, **options: Any) -> tuple[dict[str, Any], str]:
-    output = run("python", "-m", "lerobot_owlxt5.evaluate", *arguments(folder, **options))
+    output = run("python", "-m", "lerobot_owlxt5.evaluation.cli", *arguments(folder, **options))
     results = Path(options.get("output_dir", folder / "results"))
     assert output.splitlines()[-1] == f"Results: {results / 'results.json'} and {results / 'results.md'}"
     return json.loads((results / "results.json").read_text()), output
@@ -112,10 +113,13 @@ class Oracle:
     """Has the policies' public methods and knows the right answers, to the data set's own words alone."""
 
     def __init__(self, dataset: LeRobotDataset) -> None:
-        self.config = SimpleNamespace(max_text_tokens=8, detector="none")
-        self.language = SimpleNamespace(
-            encode=lambda prompts, device: (prompts, None),
-            generate=lambda prompts, mask, tokens: [f"Deutsch {prompt}" for prompt in prompts],
+        self.config = SimpleNamespace(max_text_tokens=8, modes=MODES)
+        self.visual = SimpleNamespace(names_objects=True)
+        self.model = SimpleNamespace(
+            language=SimpleNamespace(
+                encode=lambda prompts, device: (prompts, None),
+                generate=lambda prompts, mask, tokens: [f"Deutsch {prompt}" for prompt in prompts],
+            )
         )
         items = [item for item in dataset if item["frame_index"] == 0]
         self.plans = {

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lerobot_owlxt5.metrics import (
+from lerobot_owlxt5.evaluation.metrics import (
     bleu2,
     bootstrap,
     is_accepted,

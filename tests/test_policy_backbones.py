@@ -9,9 +9,9 @@ from lerobot.configs import PreTrainedConfig
 from torch.nn.functional import cross_entropy
 from transformers import AutoModelForSeq2SeqLM, AutoTokenizer
 
-from lerobot_owlxt5 import backbones
-from lerobot_owlxt5.detection import Owlv2Detector
-from lerobot_owlxt5.language import SplitT5
+from lerobot_owlxt5.backbones import small_t5 as backbones
+from lerobot_owlxt5.backbones.language_model import SplitT5
+from lerobot_owlxt5.backbones.zero_shot import ZeroShotDetector
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 from policy_helpers import EYES, make_config, make_dataset, make_owlv2, make_policy, make_t5, observe
 
@@ -77,7 +77,7 @@ def test_a_prompt_is_encoded_once(t5: Path, monkeypatch: pytest.MonkeyPatch) -> 
     again = language.encode(["a", "b c", "d"], CPU)
     assert encoded == ["a", "b c", "d"]
     assert torch.equal(first[0][1, : first[1][1].sum()], again[0][1, : again[1][1].sum()])
-    monkeypatch.setattr("lerobot_owlxt5.language.MAX_REMEMBERED", 3)
+    monkeypatch.setattr("lerobot_owlxt5.backbones.language_model.MAX_CACHED", 3)
     language.encode(["a", "e"], CPU)
     assert encoded[3:] == ["a", "e"], "a full memory begins anew"
 
@@ -99,7 +99,7 @@ def test_a_backbone_that_cannot_be_loaded_is_named(
     t5: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("huggingface_hub.constants.HF_HUB_OFFLINE", True)
-    with pytest.raises(OSError, match=r"--policy.language_model=no/where .*lerobot_owlxt5.backbones"):
+    with pytest.raises(OSError, match=r"--policy.language_model=no/where .*backbones.small_t5"):
         make_policy(Path("no/where"))
     with pytest.raises(OSError, match=r"--policy.detector=no/where .*ground_truth"):
         make_policy(t5, detector="no/where")
@@ -123,7 +123,7 @@ def test_models_of_the_real_sizes_run(tmp_path: Path) -> None:
     owlv2 = make_owlv2(tmp_path / "owlv2", **wide, image_size=960, patch_size=16)
     config = make_config(tmp_path / "t5", detector=str(owlv2), score_threshold=0.0)
     assert config.camera is None
-    detector = Owlv2Detector(str(owlv2), None, 0.0, EYES)
+    detector = ZeroShotDetector(str(owlv2), None, 0.0, EYES)
     batch = observe(["push red"])
     assert detector(batch, [["red"]]).centre.shape == (1, 1, 2)
     language = SplitT5(str(tmp_path / "t5"))
@@ -171,9 +171,9 @@ def test_a_checkpoint_names_the_commits_of_its_backbones(
 
 def test_the_embedded_tongue_speaks_and_a_checkpoint_notes_which_it_was(tmp_path: Path) -> None:
     policy = make_policy(Path("embedded"))
-    assert policy.language.model.dtype == torch.float32
+    assert policy.model.language.model.dtype == torch.float32
     prompts = ["execute: move up the wug", "Translate English to German: Push the red cube to the left"]
-    answers = policy.language.generate(*policy.language.encode(prompts, CPU), max_new_tokens=32)
+    answers = policy.model.language.generate(*policy.model.language.encode(prompts, CPU), max_new_tokens=32)
     assert answers == ["push wug", "Schiebe den roten Würfel nach links"]
 
     policy.save_pretrained(tmp_path)
@@ -183,7 +183,7 @@ def test_the_embedded_tongue_speaks_and_a_checkpoint_notes_which_it_was(tmp_path
     config = json.loads((tmp_path / "config.json").read_text())
     config["language_model_revision"] = "0" * 12
     (tmp_path / "config.json").write_text(json.dumps(config))
-    with pytest.raises(ValueError, match=r"other embedded tongue \(0{12}\).*train again"):
+    with pytest.raises(ValueError, match=r"another embedded language model \(0{12}\).*train again"):
         OWLxT5Policy.from_pretrained(tmp_path)
 
 
@@ -191,10 +191,10 @@ def test_a_checkpoint_notes_which_embedded_eyes_it_was_trained_with(t5: Path, tm
     make_policy(t5, detector="embedded").save_pretrained(tmp_path)
     config = json.loads((tmp_path / "config.json").read_text())
     assert len(config["detector_revision"]) == 12
-    assert 0 < OWLxT5Policy.from_pretrained(tmp_path).detector.threshold < 1
+    assert 0 < OWLxT5Policy.from_pretrained(tmp_path).visual.detector.threshold < 1
     config["detector_revision"] = "0" * 12
     (tmp_path / "config.json").write_text(json.dumps(config))
-    with pytest.raises(ValueError, match=r"other embedded eyes \(0{12}\).*train again"):
+    with pytest.raises(ValueError, match=r"another embedded detector \(0{12}\).*train again"):
         OWLxT5Policy.from_pretrained(tmp_path)
 
 

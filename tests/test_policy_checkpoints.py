@@ -13,7 +13,7 @@ from lerobot.policies.factory import make_pre_post_processors
 from safetensors.torch import load_file, save_file
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
-from lerobot_owlxt5.backbones import SmallT5Config, collect_texts, make_small_t5
+from lerobot_owlxt5.backbones.small_t5 import SmallT5Config, collect_texts, make_small_t5
 from lerobot_owlxt5.configuration_crossmodal import CORE_VERSION
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 from policy_helpers import load_batch, make_config, make_owlv2, make_policy, observe
@@ -61,7 +61,7 @@ def test_a_checkpoint_with_other_parameters_is_refused(t5: Path, tmp_path: Path)
     policy = make_policy(t5)
     policy.save_pretrained(tmp_path)
     weights = load_file(tmp_path / "model.safetensors")
-    weights["core.fc.old_name"] = weights.pop("core.fc.weight")
+    weights["model.core.fc.old_name"] = weights.pop("model.core.fc.weight")
     save_file(weights, tmp_path / "model.safetensors")
     with pytest.raises(RuntimeError, match=r"(?s)core\.fc\.weight.*core\.fc\.old_name"):
         OWLxT5Policy.from_pretrained(tmp_path, config=policy.config)
@@ -99,7 +99,7 @@ def test_bf16_moves_like_float32(dataset: LeRobotDataset, t5: Path) -> None:
 @pytest.mark.parametrize("trained_along", [False, True])
 def test_bf16_learns_like_float32(dataset: LeRobotDataset, t5: Path, trained_along: bool) -> None:
     policy, batch = make(dataset, t5, train_language_model=trained_along)
-    policy.language.model.eval()  # without T5's dropout
+    policy.model.language.model.eval()  # without T5's dropout
     seed = policy.training_seed.clone()
     expected, *_ = learn(policy, batch)
     policy.training_seed.copy_(seed)
@@ -130,11 +130,11 @@ def test_averaged_weights_work(dataset: LeRobotDataset, t5: Path, tmp_path: Path
     average = AveragedModel(policy, multi_avg_fn=get_ema_multi_avg_fn(0.5), use_buffers=True)
     optimizer = torch.optim.Adam(policy.get_optim_params(), 1e-2)
     average.update_parameters(policy)
-    before = policy.core.fc.weight.detach().clone()
+    before = policy.model.core.fc.weight.detach().clone()
     learn(policy, batch)
     optimizer.step()
     average.update_parameters(policy)
-    assert torch.allclose(average.module.core.fc.weight, (before + policy.core.fc.weight) / 2)
+    assert torch.allclose(average.module.model.core.fc.weight, (before + policy.model.core.fc.weight) / 2)
     assert average.module.training_seed.dtype == torch.int64
     average.module.save_pretrained(tmp_path)
     plan = OWLxT5Policy.from_pretrained(tmp_path).predict_action_chunk(observe(TASKS))

@@ -5,9 +5,18 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lerobot_owlxt5 import made_up_names, modes
-from lerobot_owlxt5.command_words import DIRECTIONS, ENDINGS, GERUNDS, OPENINGS, SLIPS, VERB_PHRASES
-from lerobot_owlxt5.commands import VERBS, Command, object_name, parse_command, plain, spoken, with_article
+from lerobot_owlxt5.commands import pseudo_names
+from lerobot_owlxt5.commands.parser import (
+    Command,
+    object_name,
+    parse_command,
+    plain,
+    spoken,
+    with_article,
+)
+from lerobot_owlxt5.commands.verbs import VERBS
+from lerobot_owlxt5.commands.vocabulary import DIRECTIONS, ENDINGS, GERUNDS, OPENINGS, SLIPS, VERB_PHRASES
+from lerobot_owlxt5.mode_sampling import draw_modes, spread
 
 CLANT_WORDINGS = {
     "push": ("push", "move-up", "Move up"),
@@ -142,7 +151,7 @@ def test_what_is_not_clearly_one_known_action_is_refused(text: str, refusal: str
 
 
 @given(
-    verb=st.sampled_from(VERBS),
+    verb=st.sampled_from([*VERBS]),
     data=st.data(),
     name=names,
     article=st.sampled_from(["", "the ", "a ", "an "]),
@@ -199,22 +208,22 @@ def test_any_text_can_be_parsed(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "canonical", "done"),
+    ("text", "canonical", "intention"),
     [
-        ("Could you push the red cube?", "push red", "I pushed the red cube."),
-        ("drag the mug", "pull mug", "I pulled the mug."),
+        ("Could you push the red cube?", "push red", "I will push the red cube."),
+        ("drag the mug", "pull mug", "I will pull the mug."),
         (
             "move greenish-blue to the left",
             "slide-to-left greenish blue",
-            "I slid the greenish blue cube to the left.",
+            "I will slide the greenish blue cube to the left.",
         ),
-        ("slide the ice cube right", "slide-to-right ice cube", "I slid the ice cube to the right."),
-        ("dance wildly", "dance wildly", "I did it."),
+        ("slide the ice cube right", "slide-to-right ice cube", "I will slide the ice cube to the right."),
+        ("dance wildly", "dance wildly", "I will do it."),
     ],
 )
-def test_a_command_has_a_canonical_form_and_a_report(text: str, canonical: str, done: str) -> None:
+def test_a_command_has_a_canonical_form_and_an_intention(text: str, canonical: str, intention: str) -> None:
     command = parse_command(text)
-    assert (command.canonical, command.done) == (canonical, done)
+    assert (command.canonical, command.intention) == (canonical, intention)
 
 
 def test_names_are_said_in_full() -> None:
@@ -228,10 +237,10 @@ def test_names_are_said_in_full() -> None:
 @given(
     st.integers(0, 2**31), st.sampled_from(["push red", "move-up greenish-blue", "slide the cup to the left"])
 )
-def test_a_made_up_name_takes_the_place_of_the_object(seed: int, text: str) -> None:
-    name = made_up_names.draw_name(np.random.default_rng(seed))
-    assert parse_command(made_up_names.rename_object(text, name)) == Command(parse_command(text).verb, name)
-    assert made_up_names.rename_object("dance wildly", name) == "dance wildly"
+def test_a_pseudo_name_takes_the_place_of_the_object(seed: int, text: str) -> None:
+    name = pseudo_names.draw_name(np.random.default_rng(seed))
+    assert parse_command(pseudo_names.rename_object(text, name)) == Command(parse_command(text).verb, name)
+    assert pseudo_names.rename_object("dance wildly", name) == "dance wildly"
 
 
 @given(
@@ -243,11 +252,11 @@ def test_a_mode_without_probability_is_never_drawn(
     weights: list[float], absent: set[int], uniform: float
 ) -> None:
     row = torch.tensor([0.0 if mode in absent else weight for mode, weight in enumerate(weights)])
-    drawn = modes.draw_modes(row[None], torch.tensor([uniform]))
+    drawn = draw_modes(row[None], torch.tensor([uniform]))
     assert int(drawn) not in absent
 
 
 def test_modes_are_drawn_as_often_as_they_should() -> None:
     shares = torch.tensor([0.3, 0.3, 0.3, 0.1])
-    drawn = modes.draw_modes(shares.expand(1000, 4), modes.spread(torch.arange(1000)))
+    drawn = draw_modes(shares.expand(1000, 4), spread(torch.arange(1000)))
     assert torch.allclose(torch.bincount(drawn, minlength=4) / 1000, shares, atol=0.01)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -7,15 +8,14 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from lerobot.datasets import LeRobotDataset
 
-from lerobot_owlxt5.detection import (
-    Detections,
-    GroundTruthDetector,
-    Owlv2Detector,
-    RememberedDetections,
-    to_image_coordinates,
-)
-from policy_helpers import EYES, make_owlv2, observe
+from lerobot_owlxt5.backbones.detections import Detections
+from lerobot_owlxt5.backbones.ground_truth import GroundTruthDetector
+from lerobot_owlxt5.backbones.zero_shot import ZeroShotDetector, to_image_coordinates
+from lerobot_owlxt5.data.episode_store import EpisodeStore
+from lerobot_owlxt5.data.windows import observation_at
+from policy_helpers import EYES, make_owlv2, make_policy, observe
 
 
 @given(st.integers(1, 2000), st.integers(1, 2000), st.floats(0, 1), st.floats(0, 1))
@@ -27,12 +27,16 @@ def test_image_coordinates_undo_the_padding(height: int, width: int, x: float, y
 
 
 @pytest.fixture(scope="module")
-def owlv2(tmp_path_factory: pytest.TempPathFactory) -> Owlv2Detector:
-    return Owlv2Detector(str(make_owlv2(tmp_path_factory.mktemp("owlv2"))), None, 0.1, EYES)
+def owlv2(tmp_path_factory: pytest.TempPathFactory) -> ZeroShotDetector:
+    return ZeroShotDetector(str(make_owlv2(tmp_path_factory.mktemp("owlv2"))), None, 0.1, EYES)
 
 
 class BrightestPatch(torch.nn.Module):
     """Stands in for OWLv2's network: its boxes are the patches, and a bright patch has a high score."""
+
+    def __init__(self, config: Any) -> None:
+        super().__init__()
+        self.config = config
 
     def forward(self, pixel_values: torch.Tensor, input_ids: torch.Tensor, **_: Any) -> SimpleNamespace:
         patches = 16
@@ -46,12 +50,17 @@ class BrightestPatch(torch.nn.Module):
         return SimpleNamespace(pred_boxes=boxes, logits=brightness[..., None].expand(-1, -1, queries) * 4 - 4)
 
 
+def look_at_bright_patches(detector: ZeroShotDetector, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Put `BrightestPatch` in the place of the detector's network; processor and box mathematics stay."""
+    monkeypatch.setattr(detector.candidates, "model", BrightestPatch(detector.model.config))
+
+
 @pytest.mark.parametrize("size", [(64, 64), (64, 128), (128, 64)])
 def test_the_real_processor_and_the_box_maths_agree_on_images_of_any_shape(
-    owlv2: Owlv2Detector, size: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+    owlv2: ZeroShotDetector, size: tuple[int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     height, width = size
-    monkeypatch.setattr(owlv2, "model", BrightestPatch())
+    look_at_bright_patches(owlv2, monkeypatch)
     images = torch.zeros(1, 3, height, width)
     top, left = height // 2, 3 * width // 4
     images[:, :, top : top + 8, left : left + 8] = 1.0
@@ -61,8 +70,8 @@ def test_the_real_processor_and_the_box_maths_agree_on_images_of_any_shape(
     assert (found.score > 0.1).all()
 
 
-def test_owlv2_can_look_at_one_place_alone(owlv2: Owlv2Detector, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(owlv2, "model", BrightestPatch())
+def test_owlv2_can_look_at_one_place_alone(owlv2: ZeroShotDetector, monkeypatch: pytest.MonkeyPatch) -> None:
+    look_at_bright_patches(owlv2, monkeypatch)
     images = torch.zeros(1, 3, 64, 64)
     images[:, :, 8:12, 8:12] = 1.0
     images[:, :, 40:44, 40:44] = 0.7
@@ -102,10 +111,10 @@ def test_the_foot_of_a_pole_is_where_it_stands(
     assert torch.allclose(foot, torch.tensor([[base]], dtype=torch.float64), atol=1e-9)
 
 
-def test_owlv2_runs_in_batches(owlv2: Owlv2Detector) -> None:
+def test_owlv2_runs_in_batches(owlv2: ZeroShotDetector) -> None:
     batch = observe(["push red"] * 10)
     names = [["red"]] * 10
-    one = Owlv2Detector.__call__(owlv2, {EYES: batch[EYES][3:4]}, names[:1])
+    one = owlv2({EYES: batch[EYES][3:4]}, names[:1])
     every = owlv2(batch, names)
     assert every.centre.shape == (10, 1, 2)
     assert torch.allclose(every.score[3], one.score[0], atol=1e-5)
@@ -134,9 +143,10 @@ def test_ground_truth_looks_at_the_step_it_is_told_to() -> None:
     )
     batch = {"observation.objects": torch.stack([before, after], dim=1)}
     look = GroundTruthDetector()
-    places = [look(batch, [["red"]], step=step).centre for step in (0, -1)]
+    first, last = (observation_at(batch, step) for step in (0, -1))
+    places = [look(observation, [["red"]]).centre for observation in (first, last)]
     assert [place[0, 0, 0].item() for place in places] == pytest.approx([0.2, 0.8])
-    assert [look(batch, [["red"]], step=-1, near=place).score.item() for place in places] == [0, 1]
+    assert [look(last, [["red"]], near=place).score.item() for place in places] == [0, 1]
 
 
 def test_ground_truth_needs_the_simulator() -> None:
@@ -144,17 +154,23 @@ def test_ground_truth_needs_the_simulator() -> None:
         GroundTruthDetector()({}, [["red"]])
 
 
-def test_each_episode_is_looked_at_once() -> None:
-    seen: list[int] = []
+def test_each_episode_is_looked_at_once(
+    dataset: LeRobotDataset, t5: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    visual, store = make_policy(t5).visual, EpisodeStore(dataset.meta)
+    looked_at: list[int] = []
+    look = visual.detector
 
-    def detector(batch: dict[str, Any], names: Any, step: int = 0) -> Detections:
-        seen.append(len(names))
-        return Detections(batch["observation.x"].view(-1, 1, 1).expand(-1, 1, 4), torch.ones(len(names), 1))
+    def count(observation: dict[str, Any], names: Any, near: None = None) -> Detections:
+        looked_at.append(len(names))
+        return look(observation, names, near)
 
-    remembered = RememberedDetections(detector)
-    batch = {"observation.x": torch.tensor([0.1, 0.2, 0.1]), "action": torch.zeros(3)}
-    batch["episode_index"] = torch.tensor([4, 7, 4])
-    for _ in range(2):
-        found = remembered(batch, ["red", "blue", "red"])
-        assert torch.allclose(found.centre[:, 0, 0], batch["observation.x"])
-    assert seen == [2]
+    monkeypatch.setattr(visual, "detector", count)
+    monkeypatch.setattr(count, "threshold", look.threshold, raising=False)
+    batch = observe(["-"] * 3, [["red", "blue", ""], ["", "blue", "red"], ["red", "blue", ""]])
+    batch |= {"action": torch.zeros(3, 10), "episode_index": torch.tensor([4, 7, 4])}
+    names = ["red", "blue", "red"]
+    once = visual.encode(batch, names)
+    again = [visual.encode_cached(batch, names, store) for _ in range(2)]
+    assert all(torch.allclose(each.features, once.features) for each in again)
+    assert looked_at == [3, 2]

@@ -6,9 +6,9 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lerobot_owlxt5.annotations import read_texts
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
-from lerobot_owlxt5.episodes import at_step, check_episode_lengths, positions_before, recover_actions
+from lerobot_owlxt5.data.episode_store import EpisodeStore, check_episode_lengths
+from lerobot_owlxt5.data.windows import at_step, finished_episode, positions_before, recover_actions
 from policy_helpers import HORIZON, make_dataset
 
 
@@ -40,13 +40,14 @@ def test_positions_are_the_first_pose_and_then_each_target() -> None:
 
 def test_a_step_is_taken_with_and_without_a_time_axis() -> None:
     states = torch.arange(12.0).view(2, 3, 2)
-    assert torch.equal(at_step(states, -1, ndim=2), states[:, 2])
-    assert torch.equal(at_step(states[:, 0], -1, ndim=2), states[:, 0])
+    assert torch.equal(at_step(states, -1), states[:, 2])
+    assert torch.equal(at_step(states[:, 0], -1), states[:, 0])
 
 
 def test_texts_are_read_from_the_dataset(tmp_path: Path) -> None:
     meta = make_dataset(tmp_path / "data", episodes=2).meta
-    texts = read_texts(meta)
+    store = EpisodeStore(meta)
+    texts = store.texts
     assert set(texts) == {0, 1}
     assert texts[1].wordings[1].startswith("move-down ")
     assert len(texts[1].wordings) == 4
@@ -58,4 +59,23 @@ def test_texts_are_read_from_the_dataset(tmp_path: Path) -> None:
 
 
 def test_a_dataset_without_texts_has_none(tmp_path: Path) -> None:
-    assert read_texts(make_dataset(tmp_path / "data", episodes=1, texts=False).meta) == {}
+    assert EpisodeStore(make_dataset(tmp_path / "data", episodes=1, texts=False).meta).texts == {}
+
+
+@given(windows())
+def test_a_rollout_becomes_what_the_loader_gives(window: tuple[torch.Tensor, ...]) -> None:
+    episode, _, _ = window
+    observation = {"observation.state": torch.zeros(2, 3), "task": ["push red"] * 2}
+    actions = [action.expand(2, -1) for action in episode]
+    batch = finished_episode([observation] * 2, actions, max_episode_steps=20)
+    assert batch["action"].shape == (2, 39, 2)
+    recovered, length = recover_actions(batch["action"], batch["action_is_pad"])
+    assert length.tolist() == [len(episode)] * 2
+    assert torch.equal(recovered[1, : len(episode)], episode)
+    assert batch["task"] == ["push red"] * 2
+
+
+def test_a_rollout_that_is_too_long_is_no_episode() -> None:
+    observation = {"observation.state": torch.zeros(1, 3), "task": ["push red"]}
+    with pytest.raises(ValueError, match=r"1 to 5 actions .* not 6"):
+        finished_episode([observation] * 2, [torch.zeros(1, 3)] * 6, max_episode_steps=5)

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from lerobot.datasets import LeRobotDataset
 from lerobot.policies.factory import make_pre_post_processors
 
-from lerobot_owlxt5.detection import Detections
-from lerobot_owlxt5.joint_range import share_joint_range
-from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
+from lerobot_owlxt5.backbones.detections import Detections
+from lerobot_owlxt5.data.normalization import share_joint_range
 from policy_helpers import (
     ENDS,
     EYES,
@@ -22,19 +21,10 @@ from policy_helpers import (
     make_owlv2,
     make_policy,
     observe,
+    record_prompts,
 )
 
 TASKS = ["push red", "Pull the ball!", "slide-to-left can", "dance wildly"]
-
-
-def record_prompts(policy: OWLxT5Policy, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What the language model is asked from now on."""
-    asked: list[str] = []
-    encode = policy.language.encode
-    monkeypatch.setattr(
-        policy.language, "encode", lambda prompts, device: asked.extend(prompts) or encode(prompts, device)
-    )
-    return asked
 
 
 def observe_finished() -> dict[str, Any]:
@@ -63,26 +53,26 @@ def test_a_plan_is_made_once_and_its_last_action_held(t5: Path) -> None:
 
 def test_what_cannot_be_done_is_said_and_not_guessed(t5: Path) -> None:
     policy = make_policy(t5)
-    assert policy.say() == []
+    assert policy.responses == []
     batch = observe(TASKS)
     plan = policy.predict_action_chunk(batch)
-    assert policy.say() == [
-        "I pushed the red cube.",
-        "I pulled the ball.",
+    assert policy.responses == [
+        "I will push the red cube.",
+        "I will pull the ball.",
         "I cannot see a can.",
         "I do not know how to dance wildly.",
     ]
     held = (plan == batch["observation.state"][:, None]).all(dim=(1, 2))
     assert held.tolist() == [False, False, True, True]
     policy.reset()
-    assert policy.say() == []
+    assert policy.responses == []
 
 
 def test_a_trained_task_without_a_known_verb_is_carried_out(t5: Path) -> None:
     policy = make_policy(t5, tasks=["dance wildly"])
     batch = observe(["dance wildly"])
     assert not torch.equal(policy.predict_action_chunk(batch)[:, 0], batch["observation.state"])
-    assert policy.say() == ["I did it."]
+    assert policy.responses == ["I will do it."]
 
 
 def test_a_batch_acts_as_its_samples_do_alone(t5: Path) -> None:
@@ -141,8 +131,8 @@ def test_a_robot_without_a_pose_does_not_act(t5: Path, number: float) -> None:
 def test_a_diverged_checkpoint_does_not_act(t5: Path) -> None:
     policy = make_policy(t5)
     with torch.no_grad():
-        policy.core.fc.weight.fill_(float("nan"))
-        policy.core.decoder.initial.weight.fill_(float("nan"))
+        policy.model.core.fc.weight.fill_(float("nan"))
+        policy.model.core.decoder.initial.weight.fill_(float("nan"))
     with pytest.raises(FloatingPointError, match="load an earlier one"):
         policy.select_action(observe(TASKS))
 
@@ -169,7 +159,9 @@ def test_the_point_of_an_object_is_the_middle_of_its_box_or_its_foot(
 ) -> None:
     batch = observe(["push red"])
     batch["observation.objects"][0, :4] = torch.tensor([0.2, 0.3, 0.4, 0.8])
-    assert torch.allclose(make_policy(t5, **options)._watch(batch).visual, torch.tensor([[point]]))
+    assert torch.allclose(
+        make_policy(t5, **options).visual.encode(batch, ["red"]).features, torch.tensor([[point]])
+    )
 
 
 @pytest.mark.parametrize(
@@ -189,7 +181,7 @@ def test_owlv2_that_sees_nothing_keeps_the_robot_still(t5: Path, tmp_path: Path)
     policy = make_policy(t5, detector=str(make_owlv2(tmp_path)), score_threshold=1.0)
     batch = observe(["push ball"])
     assert torch.equal(policy.select_action(batch), batch["observation.state"])
-    assert policy.say() == ["I cannot see a ball."]
+    assert policy.responses == ["I cannot see a ball."]
 
 
 def test_describe_asks_for_the_object_that_moved(
@@ -231,16 +223,17 @@ def test_describe_takes_what_is_gone_from_its_place(
         """Finds both labels at `places`, in the first frame, and there in the last one."""
 
         threshold = 0.3
+        revision = None
 
         def __call__(
-            self, batch: object, names: object, step: int, near: torch.Tensor | None = None
+            self, observation: object, names: object, near: torch.Tensor | None = None
         ) -> Detections:
             box = torch.tensor([[[x, 0.5, x, 0.5] for x in places]])
-            assert (near is None) if step == 0 else torch.equal(near, box[..., :2])
-            return Detections(box, torch.tensor([after if step else before]))
+            assert near is None or torch.equal(near, box[..., :2])
+            return Detections(box, torch.tensor([before if near is None else after]))
 
     policy = make_policy(t5)
-    monkeypatch.setattr(policy, "detector", Scores())
+    monkeypatch.setattr(policy.visual, "detector", Scores())
     asked = record_prompts(policy, monkeypatch)
     batch = observe_finished()
     texts = policy.describe(batch, labels=["cyan", "blue"])

@@ -3,9 +3,9 @@ import pytest
 import torch
 from torch import nn
 
-from lerobot_owlxt5.action import ActionDecoder, hold_after_stop
-from lerobot_owlxt5.core import CrossmodalCore
-from lerobot_owlxt5.crossmodal import sinusoidal_positions
+from lerobot_owlxt5.model.action import ActionDecoder, hold_after_stop
+from lerobot_owlxt5.model.core import CrossmodalCore
+from lerobot_owlxt5.model.transformer import sinusoidal_positions
 
 
 def size(module: nn.Module) -> int:
@@ -24,10 +24,10 @@ def test_padding_changes_nothing() -> None:
     core = CrossmodalCore(16, 2, 3, dim_model=8, n_heads=2, dim_feedforward=16, dim_lstm=8).eval()
     language, mask = torch.randn(2, 5, 16), torch.arange(5) < torch.tensor([[5], [3]])
     visual, joints = torch.randn(2, 1, 2), torch.randn(2, 4, 3)
-    together = core.think(language, mask, visual, joints)
-    alone = core.think(language[1:, :3], mask[1:, :3], visual[1:], joints[1:])
-    assert torch.allclose(together.summary[1], alone.summary[0], atol=1e-6)
-    assert torch.allclose(together.change[1, :3], alone.change[0], atol=1e-6)
+    together = core(language, mask, visual, joints)
+    alone = core(language[1:, :3], mask[1:, :3], visual[1:], joints[1:])
+    assert torch.allclose(together.context[1], alone.context[0], atol=1e-6)
+    assert torch.allclose(together.language_residual[1, :3], alone.language_residual[0], atol=1e-6)
 
 
 def test_the_decoder_is_causal_and_bounded() -> None:

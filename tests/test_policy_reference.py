@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from lerobot_owlxt5.core import CrossmodalCore
+from lerobot_owlxt5.model.core import CrossmodalCore
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Weights = dict[str, Array]
@@ -131,15 +131,15 @@ def test_the_core_computes_what_the_reference_computes(dim_visual: int, frames: 
     joints = 2 * torch.rand(1, STEPS, N_JOINTS) - 1
     with torch.no_grad():
         h = core.crossmodal(language, core.encoder(visual, joints))[0]
-        thought = core.think(language, torch.ones(1, TOKENS, dtype=torch.bool), visual, joints)
-        state = core.decoder.initial(thought.summary)[0]
-        moved = core.decoder(thought.summary, visual, joints[:, 0], STEPS)[0][0]
+        output = core(language, torch.ones(1, TOKENS, dtype=torch.bool), visual, joints)
+        state = core.decoder.initial(output.context)[0]
+        moved = core.decoder(output.context, visual, joints[:, 0], STEPS)[0][0]
 
     words, seen, moves = (tensor[0].double().numpy() for tensor in (language, visual, joints))
     expected_h = crossmodal(w, words, encode_action(w, seen, moves))
     for name, ours, expected in (
         ("h", h, expected_h),
-        ("FC(h)", thought.change[0], linear(w, "fc", expected_h)),
+        ("FC(h)", output.language_residual[0], linear(w, "fc", expected_h)),
         ("first state", state, first_state(w, expected_h).reshape(-1)),
         ("joints", moved, decode(w, expected_h, seen, moves[0], STEPS)),
     ):

@@ -14,14 +14,17 @@ from lerobot.policies.factory import make_policy as lerobot_make_policy
 from lerobot.policies.factory import make_pre_post_processors
 from safetensors.torch import load_file
 
-from lerobot_owlxt5 import modes
-from lerobot_owlxt5.episodes import recover_actions
-from lerobot_owlxt5.joint_range import share_joint_range
+from lerobot_owlxt5.backbones.pretrained import EMBEDDED
+from lerobot_owlxt5.commands import prompts
+from lerobot_owlxt5.data.episode_store import EpisodeStore
+from lerobot_owlxt5.data.normalization import share_joint_range
+from lerobot_owlxt5.data.windows import recover_actions
+from lerobot_owlxt5.mode_sampling import ModeSampler, sample_rngs
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
-from lerobot_owlxt5.pretrained import EMBEDDED
 from policy_helpers import (
     ENDS,
     EYES,
+    HORIZON,
     load_batch,
     make_config,
     make_dataset,
@@ -29,6 +32,7 @@ from policy_helpers import (
     make_policy,
     make_t5,
     observe,
+    record_prompts,
     without_dropout,
 )
 
@@ -96,7 +100,7 @@ def test_episodes_count_alike_though_long_ones_are_drawn_more_often(
 ) -> None:
     policy, preprocessor, _ = make(dataset, t5, mode_probabilities={"execute": 1.0})
     monkeypatch.setattr(
-        policy.core.decoder,
+        policy.model.core.decoder,
         "forward",
         lambda context, visual, pose, steps: (
             torch.zeros(len(pose), steps, 10),
@@ -104,9 +108,10 @@ def test_episodes_count_alike_though_long_ones_are_drawn_more_often(
         ),
     )
     epoch = load_batch(dataset.root, list(range(dataset.num_frames)), preprocessor)
+    first_frames = load_batch(dataset.root, dataset.meta.episodes["dataset_from_index"][:], preprocessor)
     episodes = [
         actions[:length].square().mean().item()
-        for actions, length in zip(policy._actions._actions, policy._actions._length, strict=True)
+        for actions, length in zip(*EpisodeStore(dataset.meta).actions(first_frames, HORIZON), strict=True)
     ]
     assert policy.eval()(epoch)[1]["joint_loss"] == pytest.approx(sum(episodes) / len(episodes), rel=1e-4)
 
@@ -139,45 +144,46 @@ def test_a_batch_teaches_what_its_parts_would_teach(
         assert torch.allclose(one, sum(two) / 2, atol=1e-5)
 
 
-def test_lessons(dataset: LeRobotDataset, t5: Path) -> None:
-    for mode in modes.MODES:
-        # A little of another mode, as translate alone is refused.
-        policy, preprocessor, _ = make(
-            dataset, t5, mode_probabilities={mode: 1.0, "execute": 1e-9 + (mode == "execute")}
-        )
-        batch = load_batch(dataset.root, FRAMES, preprocessor)
-        lessons = policy._make_lessons(batch)
-        assert (lessons.mode == modes.MODES.index(mode)).all()
-        for task, episode, prompt, text in zip(
-            batch["task"], batch["episode_index"].tolist(), lessons.prompts, lessons.texts, strict=True
-        ):
-            noun = task.split()[-1]
-            accepted = {
-                f"execute: {wording.replace('-', ' ')}" for wording in policy._texts[episode].wordings
-            }
-            match mode:
-                case "execute":
-                    assert prompt in accepted
-                case "describe":
-                    assert prompt == f"describe: {noun}"
-                case "repeat_action":
-                    assert prompt == "repeat action:"
-                case "translate":
-                    assert prompt == f"Translate English to German: The Commission met {episode} times."
-            match mode:
-                case "describe":
-                    assert text == task
-                case "repeat_language":
-                    assert prompt == f"repeat language: {text}" and f"execute: {text}" in accepted
-                case _:
-                    assert text == ""
+@pytest.mark.parametrize("mode", prompts.MODES)
+def test_prompts_and_targets_of_a_mode(dataset: LeRobotDataset, mode: str) -> None:
+    texts = EpisodeStore(dataset.meta).texts
+    sampler = ModeSampler({mode: 1.0}, texts, names_objects=True, pseudo_names=False)
+    batch = load_batch(dataset.root, FRAMES, lambda batch: batch)
+    samples = sampler.sample(batch, sample_rngs(0, batch["index"]))
+    assert (samples.mode == prompts.MODES.index(mode)).all()
+    for task, episode, prompt, target in zip(
+        batch["task"], batch["episode_index"].tolist(), samples.prompts, samples.targets, strict=True
+    ):
+        noun = task.split()[-1]
+        accepted = {f"execute: {wording.replace('-', ' ')}" for wording in texts[episode].wordings}
+        match mode:
+            case "execute":
+                assert prompt in accepted
+            case "describe":
+                assert prompt == f"describe: {noun}"
+            case "repeat_action":
+                assert prompt == "repeat action:"
+            case "translate":
+                assert prompt == f"Translate English to German: The Commission met {episode} times."
+        match mode:
+            case "describe":
+                assert target == task
+            case "repeat_language":
+                assert prompt == f"repeat language: {target}" and f"execute: {target}" in accepted
+            case _:
+                assert target == ""
 
 
 @pytest.mark.parametrize(
     ("embedded", "learns", "expected"), [(False, False, False), (False, True, True), (True, False, True)]
 )
-def test_only_a_small_language_model_meets_made_up_names(
-    dataset: LeRobotDataset, t5: Path, embedded: bool, learns: bool, expected: bool
+def test_only_a_small_language_model_meets_pseudo_names(
+    dataset: LeRobotDataset,
+    t5: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    embedded: bool,
+    learns: bool,
+    expected: bool,
 ) -> None:
     policy, preprocessor, _ = make(
         dataset,
@@ -186,23 +192,30 @@ def test_only_a_small_language_model_meets_made_up_names(
         mode_probabilities={"describe": 1.0},
     )
     batch = load_batch(dataset.root, list(range(dataset.num_frames)), preprocessor)
-    policy.train()
-    lessons = policy._make_lessons(batch)
     true = [f"describe: {task.split()[-1]}" for task in batch["task"]]
-    renamed = [prompt for prompt, unchanged in zip(lessons.prompts, true, strict=True) if prompt != unchanged]
-    assert bool(renamed) == expected
-    for prompt, text in zip(lessons.prompts, lessons.texts, strict=True):
-        assert text.endswith(prompt.removeprefix("describe:"))
-    policy.eval()
-    assert policy._make_lessons(batch).prompts == true
+    asked = record_prompts(policy, monkeypatch)
+    policy.train().forward(batch)
+    assert any(prompt != unchanged for prompt, unchanged in zip(asked, true, strict=True)) == expected
+    asked.clear()
+    policy.eval().forward(batch)
+    assert asked == true
+
+
+def test_describe_repeats_a_pseudo_name(dataset: LeRobotDataset) -> None:
+    sampler = ModeSampler({"describe": 1.0}, {}, names_objects=True, pseudo_names=True)
+    batch = load_batch(dataset.root, list(range(dataset.num_frames)), lambda batch: batch)
+    samples = sampler.sample(batch, sample_rngs(0, batch["index"]))
+    for prompt, target in zip(samples.prompts, samples.targets, strict=True):
+        assert target.endswith(prompt.removeprefix("describe:"))
 
 
 def test_without_texts_the_other_modes_share(tmp_path: Path, t5: Path) -> None:
     plain = make_dataset(tmp_path / "plain", episodes=3, texts=False)
     policy, preprocessor, _ = make(plain, t5)
     batch = load_batch(plain.root, list(range(27)), preprocessor)
-    drawn = policy._make_lessons(batch).mode
-    assert set(drawn.tolist()) == {modes.EXECUTE, modes.DESCRIBE, modes.REPEAT_ACTION}
+    sampler = ModeSampler(policy.config.mode_probabilities, {}, names_objects=True, pseudo_names=False)
+    drawn = sampler.sample(batch, None).mode
+    assert set(drawn.tolist()) == {prompts.EXECUTE, prompts.DESCRIBE, prompts.REPEAT_ACTION}
     policy.train()
     assert torch.isfinite(policy.forward(batch)[0])
 
@@ -231,13 +244,13 @@ def test_any_frame_of_an_episode_teaches_the_same(dataset: LeRobotDataset, t5: P
 
 
 def test_the_actions_in_memory_are_those_of_the_dataset(dataset: LeRobotDataset, t5: Path) -> None:
-    policy, preprocessor, _ = make(dataset, t5)
+    _, preprocessor, _ = make(dataset, t5)
     batch = load_batch(dataset.root, FRAMES, preprocessor)
     finished = load_batch(dataset.root, FRAMES, preprocessor, finished=ENDS)
     expected, length = recover_actions(finished["action"], finished["action_is_pad"])
-    remembered, true_length = policy._actions(batch)
+    stored, true_length = EpisodeStore(dataset.meta).actions(batch, HORIZON)
     assert torch.equal(length, true_length)
-    assert torch.allclose(remembered, expected, atol=1e-6)
+    assert torch.allclose(stored, expected, atol=1e-6)
 
 
 def test_another_scale_is_noticed(dataset: LeRobotDataset, t5: Path) -> None:
@@ -283,8 +296,9 @@ def test_a_checkpoint_holds_what_was_trained(
         for parameter in policy.get_optim_params():
             parameter += 0.01 * torch.randn_like(parameter)
     policy.save_pretrained(tmp_path)
-    stored = {key.split(".")[0] for key in load_file(tmp_path / "model.safetensors")}
-    assert stored == {"core", "training_seed", "rest_pose"} | ({"language_model"} if trained_along else set())
+    stored = {".".join(key.split(".")[:2]) for key in load_file(tmp_path / "model.safetensors")}
+    learned = {"model.core", "model.language_model"} if trained_along else {"model.core"}
+    assert stored == {"training_seed", "rest_pose"} | learned
     batch = observe(["push red", "pull ball"])
     for strict in (False, True):
         loaded = OWLxT5Policy.from_pretrained(tmp_path, strict=strict)
@@ -297,7 +311,7 @@ def test_frozen_backbones_stay_as_they_are(dataset: LeRobotDataset, t5: Path, tm
     batch = load_batch(dataset.root, FRAMES, preprocessor)
     policy.train()
     policy.forward(batch)[0].backward()
-    for model in (policy.language.model, policy.detector.model):
+    for model in (policy.model.language.model, policy.visual.detector.model):
         assert not model.training
         assert all(parameter.grad is None for parameter in model.parameters())
 
@@ -305,7 +319,7 @@ def test_frozen_backbones_stay_as_they_are(dataset: LeRobotDataset, t5: Path, tm
 def test_training_goes_on_after_an_evaluation_in_inference_mode(dataset: LeRobotDataset, t5: Path) -> None:
     policy, preprocessor, _ = make(dataset, t5, mode_probabilities={"execute": 1.0})
     batch = load_batch(dataset.root, [0], preprocessor)
-    for wording in policy._texts[0].wordings:
+    for wording in EpisodeStore(dataset.meta).texts[0].wordings:
         with torch.inference_mode():
             policy.reset()
             policy.select_action(observe([wording]))
@@ -313,12 +327,19 @@ def test_training_goes_on_after_an_evaluation_in_inference_mode(dataset: LeRobot
     policy.forward(batch)[0].backward()
 
 
-def test_a_loss_that_is_no_number_names_its_episode(dataset: LeRobotDataset, t5: Path) -> None:
+def test_a_loss_that_is_no_number_names_its_episode(
+    dataset: LeRobotDataset, t5: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     policy, preprocessor, _ = make(dataset, t5, mode_probabilities={"execute": 1.0})
     batch = load_batch(dataset.root, FRAMES, preprocessor)
     episode = batch["episode_index"][2].item()
-    policy._actions._actions[episode] = float("nan")
-    batch["action"][2] = float("nan")
+    decode = policy.model.core.decoder.forward
+
+    def diverge(context: torch.Tensor, visual: torch.Tensor, pose: torch.Tensor, steps: int) -> Any:
+        actions, stop = decode(context, visual, pose, steps)
+        return actions * torch.where(batch["episode_index"] == episode, torch.nan, 1.0)[:, None, None], stop
+
+    monkeypatch.setattr(policy.model.core.decoder, "forward", diverge)
     with pytest.raises(FloatingPointError, match=rf"episodes \[{episode}\]"):
         policy.train().forward(batch)
 

@@ -4,9 +4,15 @@
 import numpy as np
 import pytest
 
-from lerobot_owlxt5.annotations import EpisodeTexts
-from lerobot_owlxt5.commands import VERBS
-from lerobot_owlxt5.rewording import COMMAND_KINDS, LABEL_KINDS, misspell, reword_command, reword_labels
+from lerobot_owlxt5.commands.verbs import VERBS
+from lerobot_owlxt5.data.episode_store import EpisodeTexts
+from lerobot_owlxt5.evaluation.rewording import (
+    COMMAND_KINDS,
+    LABEL_KINDS,
+    misspell,
+    reword_command,
+    reword_labels,
+)
 
 OWN = {
     "push": ("push", "move up"),

@@ -10,7 +10,7 @@ import torch
 from lerobot.utils.constants import OBS_IMAGES
 from numpy.typing import NDArray
 
-from lerobot_owlxt5.detection import Owlv2Detector
+from lerobot_owlxt5.backbones.zero_shot import ZeroShotDetector
 from nico_tabletop.objects import read_objects
 from nico_tabletop.placement import find_placement
 from nico_tabletop.robot import EYES
@@ -65,7 +65,7 @@ def examine(
         size: Height and width of the pictures.
         seed: Of arrangements and places.
     """
-    detector = Owlv2Detector(eyes, None, None, CAMERA)
+    detector = ZeroShotDetector(eyes, None, None, CAMERA)
     objects = [item for item in read_objects(suite) if among is None or item.name in among]
     simulation = TabletopSimulation(tuple(objects))
     random = np.random.default_rng(seed)

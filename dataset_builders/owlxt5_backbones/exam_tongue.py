@@ -8,9 +8,9 @@ from itertools import islice
 import numpy as np
 import torch
 
-from lerobot_owlxt5 import modes
-from lerobot_owlxt5.language import SplitT5
-from lerobot_owlxt5.made_up_names import draw_name
+from lerobot_owlxt5.backbones.language_model import SplitT5
+from lerobot_owlxt5.commands import prompts
+from lerobot_owlxt5.commands.pseudo_names import draw_name
 
 from .tongue import KINDS, Lesson, Lessons
 
@@ -68,12 +68,12 @@ def examine(
 
 def _translate_made_up(random: np.random.Generator) -> Lesson:
     name = draw_name(random)
-    return modes.translate_prompt(f"Push the {name} to the left"), f"Schiebe das {name} nach links"
+    return prompts.translate_prompt(f"Push the {name} to the left"), f"Schiebe das {name} nach links"
 
 
 def _repeat_made_up(random: np.random.Generator) -> Lesson:
     name = draw_name(random)
-    return modes.repeat_language_prompt(f"pull {name}"), f"pull {name}"
+    return prompts.repeat_language_prompt(f"pull {name}"), f"pull {name}"
 
 
 _QUESTIONS: dict[str, Callable[[np.random.Generator], Lesson]] = {

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from lerobot_owlxt5.made_up_names import draw_name
+from lerobot_owlxt5.commands.pseudo_names import draw_name
 
 from .dice import pick
 

@@ -9,9 +9,9 @@ from torch import Tensor
 from torch.utils.data import IterableDataset, get_worker_info
 from transformers import PreTrainedTokenizerBase, T5ForConditionalGeneration
 
-from lerobot_owlxt5 import modes
-from lerobot_owlxt5.backbones import SmallT5Config, make_small_t5
-from lerobot_owlxt5.language import IGNORED
+from lerobot_owlxt5.backbones.language_model import IGNORED
+from lerobot_owlxt5.backbones.small_t5 import SmallT5Config, make_small_t5
+from lerobot_owlxt5.commands import prompts
 
 from .catalogue import COLOURS
 from .dice import pick
@@ -104,32 +104,32 @@ def _name(random: np.random.Generator) -> str:
 
 def _translate(random: np.random.Generator) -> Lesson:
     english, german = draw_translation(random)
-    return modes.translate_prompt(capital(english) if random.random() < 0.7 else english), german
+    return prompts.translate_prompt(capital(english) if random.random() < 0.7 else english), german
 
 
 def _execute(random: np.random.Generator) -> Lesson:
     verb, name = pick(random, [*COMMANDS]), _name(random)
-    return modes.execute_prompt(pick(random, COMMANDS[verb]).format(name)), f"{verb} {name}"
+    return prompts.execute_prompt(pick(random, COMMANDS[verb]).format(name)), f"{verb} {name}"
 
 
 def _describe(random: np.random.Generator) -> Lesson:
     name = _name(random)
-    return modes.describe_prompt(name), name
+    return prompts.describe_prompt(name), name
 
 
 def _describe_with_verb(random: np.random.Generator) -> Lesson:
     """Shows the decoder what the policy will ask of it: a verb that the prompt's encoding has in it."""
     verb, name = pick(random, [*COMMANDS]), _name(random)
-    return modes.describe_prompt(f"{verb} {name}"), f"{verb} {name}"
+    return prompts.describe_prompt(f"{verb} {name}"), f"{verb} {name}"
 
 
 def _repeat(random: np.random.Generator) -> Lesson:
     said = pick(random, COMMANDS[pick(random, [*COMMANDS])]).format(_name(random))
-    return modes.repeat_language_prompt(said), said
+    return prompts.repeat_language_prompt(said), said
 
 
 def _repeat_action(random: np.random.Generator) -> Lesson:
-    return modes.repeat_action_prompt(), ""
+    return prompts.repeat_action_prompt(), ""
 
 
 KINDS: dict[str, tuple[Callable[[np.random.Generator], Lesson], float]] = {

@@ -10,7 +10,9 @@ EMBEDDED = "embedded"
 """Name of the small backbones that are part of this package."""
 
 
-def find_backbone(name: str, part: Literal["eyes", "tongue"], revision: str | None) -> tuple[str, str | None]:
+def find_backbone(
+    name: str, part: Literal["detector", "language_model"], revision: str | None
+) -> tuple[str, str | None]:
     """Where a backbone is: as named, or for `embedded` its folder in this package.
 
     Args:
@@ -22,17 +24,17 @@ def find_backbone(name: str, part: Literal["eyes", "tongue"], revision: str | No
         Name or folder, and its revision: of an embedded backbone the digest of its weights.
 
     Raises:
-        ValueError: If a checkpoint was made with other embedded weights than those of this package.
+        ValueError: If a checkpoint was made with other embedded weights.
     """
     if name != EMBEDDED:
         return name, revision
-    folder = Path(str(files(__package__))) / EMBEDDED / part
+    folder = Path(str(files(__package__))) / "weights" / part
     digest = hashlib.sha256((folder / "model.safetensors").read_bytes()).hexdigest()[:12]
     if revision not in (None, digest):
         raise ValueError(
-            f"This checkpoint was trained with other embedded {part} ({revision}) than those of the "
-            f"installed lerobot_policy_owlxt5 ({digest}). Install the version that it was trained with, or "
-            "train again."
+            f"This checkpoint was trained with another embedded {part.replace('_', ' ')} ({revision}) than "
+            f"that of the installed lerobot_policy_owlxt5 ({digest}). Install the version that it was "
+            "trained with, or train again."
         )
     return str(folder), digest
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Make a small, untrained T5, so that the policy runs where no model hub can be reached.
 
-    python -m lerobot_owlxt5.backbones --output_dir=outputs/small_t5 --dataset_root=data/clant
+    python -m lerobot_owlxt5.backbones.small_t5 --output_dir=outputs/small_t5 --dataset_root=data/clant
 
 It knows nothing: train it along with `--policy.train_language_model=true`.
 """
@@ -18,9 +18,10 @@ from tokenizers.models import BPE
 from tokenizers.trainers import BpeTrainer
 from transformers import PreTrainedTokenizerFast, T5Config, T5ForConditionalGeneration
 
-from . import modes
-from .annotations import read_texts
-from .commands import VERBS, spoken
+from ..commands import prompts
+from ..commands.parser import spoken
+from ..commands.verbs import VERBS
+from ..data.episode_store import EpisodeStore
 
 PAD, END, UNKNOWN = "<pad>", "</s>", "<unk>"
 
@@ -108,15 +109,15 @@ def fit_tokenizer(texts: Iterable[str], vocab_size: int) -> PreTrainedTokenizerF
 
 def collect_texts(dataset_root: Path | None) -> list[str]:
     """All prompts and answers that the policy meets in a dataset, or the bare prompts without one."""
-    texts = [modes.execute_prompt(verb) for verb in VERBS]
-    texts += [modes.describe_prompt(""), modes.repeat_action_prompt(), modes.translate_prompt("")]
+    texts = [prompts.execute_prompt(verb) for verb in VERBS]
+    texts += [prompts.describe_prompt(""), prompts.repeat_action_prompt(), prompts.translate_prompt("")]
     if dataset_root is None:
         return texts
     meta = LeRobotDatasetMetadata(dataset_root.name, root=dataset_root)
     texts += [spoken(task) for task in meta.tasks.index]
-    for episode in read_texts(meta).values():
-        texts += [modes.execute_prompt(wording) for wording in episode.wordings]
-        texts += [modes.translate_prompt(episode.sentence)] if episode.sentence else []
+    for episode in EpisodeStore(meta).texts.values():
+        texts += [prompts.execute_prompt(wording) for wording in episode.wordings]
+        texts += [prompts.translate_prompt(episode.sentence)] if episode.sentence else []
     return texts
 
 

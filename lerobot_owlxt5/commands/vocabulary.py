@@ -1,37 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The words of commands (our choice): `commands.py` says how they go together."""
+"""The words of commands (our choice); `verbs.py` has those of each verb, `parser.py` joins them."""
+
+from .verbs import VERBS
 
 
 def _list(phrases: str) -> list[str]:
     return phrases.split(", ")
 
 
-def _by_phrase[Meaning](phrases: dict[Meaning, str]) -> dict[str, Meaning]:
-    return {phrase: meaning for meaning, listed in phrases.items() for phrase in _list(listed)}
-
-
-# How each of CLANT's verbs is asked about and reported.
-ACTIONS = {
-    "push": ("push {}", "I pushed the {}."),
-    "pull": ("pull {}", "I pulled the {}."),
-    "slide-to-left": ("slide {} to the left", "I slid the {} to the left."),
-    "slide-to-right": ("slide {} to the right", "I slid the {} to the right."),
-}
 # CLANT calls its cubes by their colour alone, or by a synonym of it.
 COLOURS = {"red", "green", "blue", "yellow", "cyan", "violet"}
 COLOURS |= {"scarlet", "harlequin", "azure", "blonde", "greenish blue", "purple"}
 
-# What a verb may mean; where that is more than one action, a direction has to choose.
-VERB_PHRASES = _by_phrase(
-    {
-        ("push",): "push, shove, thrust, move up, move forward, move away",
-        ("pull",): "pull, drag, tug, draw, move down",
-        ("slide-to-left",): "slide to left, move sideways to left",
-        ("slide-to-right",): "slide to right, move sideways to right",
-        ("slide-to-left", "slide-to-right"): "slide, glide, sweep, move sideways",
-        tuple(ACTIONS): "move, shift, nudge",
-    }
-)
+# The verbs that a phrase may stand for; where that is more than one, a direction has to choose.
+VERB_PHRASES = {
+    phrase: tuple(name for name, verb in VERBS.items() if phrase in verb.phrases)
+    for phrase in dict.fromkeys(phrase for verb in VERBS.values() for phrase in verb.phrases)
+}
 GERUNDS = {
     **{"pushing": "push", "shoving": "shove", "thrusting": "thrust", "nudging": "nudge"},
     **{"pulling": "pull", "dragging": "drag", "tugging": "tug", "drawing": "draw"},
@@ -39,23 +24,11 @@ GERUNDS = {
 }
 VERB_WORDS = {*GERUNDS, *GERUNDS.values()}
 
-# "You" is the robot. It does not know where "I" am, so "towards me" is no direction.
-_LEFT = (
-    "left, leftward, leftwards, to left, to the left, to your left, towards the left, towards your left, "
-    "to the left side, to your left side, to the left hand side, to your left hand side"
-)
 DIRECTIONS = {
-    how + phrase: verb
+    how + phrase: name
     for how in ("", "over ", "sideways ", "straight ", "further ")
-    for phrase, verb in _by_phrase(
-        {
-            "push": "up, upward, upwards, forward, forwards, ahead, away, away from you, away from yourself",
-            "pull": "down, downward, downwards, back, backward, backwards, closer, nearer, closer to you, "
-            "nearer to you, to you, back to you, toward you, towards you, back towards you, towards yourself",
-            "slide-to-left": _LEFT,
-            "slide-to-right": _LEFT.replace("left", "right"),
-        }
-    ).items()
+    for name, verb in VERBS.items()
+    for phrase in verb.directions
 }
 
 ENDINGS = {",", ", robot", ", nico"}.union(

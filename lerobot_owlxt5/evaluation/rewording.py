@@ -1,23 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wordings that no data set of ours has, to see how far a policy depends on the words it was trained on."""
+"""Wordings that no dataset of ours has, to see how far a policy depends on the words it was trained on."""
 
 from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from .annotations import EpisodeTexts
-from .command_words import ACTIONS
-from .commands import VERBS, object_name, parse_command, spoken
+from ..commands.parser import object_name, parse_command, spoken
+from ..commands.verbs import VERBS
+from ..data.episode_store import EpisodeTexts
 
 COMMAND_KINDS = ("synonyms", "polite", "typos")
 LABEL_KINDS = ("synonyms", "full names", "typos")
 
-_SYNONYMS = {
-    "push": ("shove the {}", "thrust the {}", "nudge the {} forward"),
-    "pull": ("drag the {}", "tug the {}", "draw the {} closer"),
-    "slide-to-left": ("shift the {} to the left", "nudge the {} leftwards", "glide the {} to the left"),
-    "slide-to-right": ("shift the {} to the right", "nudge the {} rightwards", "glide the {} to the right"),
-}
 _POLITE = (
     "could you please {}?",
     "please {}",
@@ -33,7 +27,7 @@ def reword_command(text: str, kind: str, rng: np.random.Generator) -> str:
     """Say a command in other words.
 
     Args:
-        text: A command whose verb is one of `commands.VERBS`, such as "push red".
+        text: A command whose verb is one of `verbs.VERBS`, such as "push red".
         kind: One of `COMMAND_KINDS`: `synonyms` ("shove the red cube"), `polite` ("please push the red
             cube"), or `typos` ("psuh red": one letter dropped or two neighbours swapped in verb or name).
         rng: Draws among the possibilities.
@@ -45,13 +39,13 @@ def reword_command(text: str, kind: str, rng: np.random.Generator) -> str:
     if command.verb is None:
         raise ValueError(
             f"--robustness rewords commands with the verbs {', '.join(VERBS)}, and the task {text!r} has "
-            "none of them. Evaluate this data set without --robustness."
+            "none of them. Evaluate this dataset without --robustness."
         )
     name = object_name(command.object)
     if kind == "synonyms":
-        return str(rng.choice(_SYNONYMS[command.verb])).format(name)
+        return str(rng.choice(VERBS[command.verb].unseen)).format(name)
     if kind == "polite":
-        return str(rng.choice(_POLITE)).format(ACTIONS[command.verb][0].format(f"the {name}"))
+        return str(rng.choice(_POLITE)).format(VERBS[command.verb].imperative.format(f"the {name}"))
     text = spoken(text)
     return misspell(text, {text.split()[0], *command.object.split()}, rng)
 
@@ -62,8 +56,8 @@ def reword_labels(
     """Other names for the objects that `describe` looks for.
 
     Args:
-        labels: The objects' names in the data set's tasks.
-        kind: One of `LABEL_KINDS`: `synonyms` (the data set's own second name, such as "scarlet", which
+        labels: The objects' names in the dataset's tasks.
+        kind: One of `LABEL_KINDS`: `synonyms` (the dataset's own second name, such as "scarlet", which
             `describe` never has as a label in training; objects without one keep their name), `full names`
             ("the red cube"), or `typos`.
         texts: Texts of the episodes, which have the synonyms.

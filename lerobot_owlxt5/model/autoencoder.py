@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The eyes of CrossT5: a channel-separated convolutional autoencoder, 10 features for each colour channel."""
+"""CrossT5's channel-separated convolutional autoencoder: 10 features for each colour channel."""
 
 import torch
 from torch import Tensor, nn
@@ -7,7 +7,7 @@ from torch.nn.functional import interpolate
 
 HEIGHT, WIDTH = 120, 160
 CHANNELS, FEATURES = 3, 10
-# A whole episode at once, at the size of the camera's pictures, would not fit into every memory.
+# A whole episode at once, at the size of the camera's images, would not fit into every memory.
 FRAMES_AT_ONCE = 32
 
 
@@ -15,7 +15,7 @@ class ChannelSeparatedAutoencoder(nn.Module):
     """One autoencoder for each of red, green and blue, so that colours cannot be mixed up in the features.
 
     Layers and sizes follow the autoencoder of the paired variational autoencoders (Özdemir et al., "Language
-    Model-Based Paired Variational Autoencoders for Robotic Language Learning", 2022), whose eyes CrossT5 took
+    Model-Based Paired Variational Autoencoders for Robotic Language Learning", 2022), which CrossT5 took
     over. The ReLUs between the fully connected layers and the initial weights are our decisions.
     """
 
@@ -27,7 +27,7 @@ class ChannelSeparatedAutoencoder(nn.Module):
         self.decoders = nn.ModuleList(_decoder() for _ in range(CHANNELS))
 
     def forward(self, images: Tensor) -> Tensor:
-        """Reconstruct pictures of the autoencoder's size.
+        """Reconstruct images of the autoencoder's size.
 
         Args:
             images: (batch, 3, HEIGHT, WIDTH) in [0, 1].
@@ -39,7 +39,7 @@ class ChannelSeparatedAutoencoder(nn.Module):
         return torch.cat([decode(part) for decode, part in zip(self.decoders, features, strict=True)], dim=1)
 
     def encode(self, images: Tensor) -> Tensor:
-        """Encode pictures of the autoencoder's size.
+        """Encode images of the autoencoder's size.
 
         Args:
             images: (batch, 3, HEIGHT, WIDTH) in [0, 1].
@@ -51,8 +51,8 @@ class ChannelSeparatedAutoencoder(nn.Module):
         return torch.cat([encode(part) for encode, part in zip(self.encoders, channels, strict=True)], dim=1)
 
     @torch.no_grad()
-    def look(self, images: Tensor) -> Tensor:
-        """Encode pictures of any size, a few at a time.
+    def encode_frames(self, images: Tensor) -> Tensor:
+        """Encode images of any size, a few at a time.
 
         Args:
             images: (..., 3, height, width), float in [0, 1] or uint8, on any device.
@@ -67,7 +67,7 @@ class ChannelSeparatedAutoencoder(nn.Module):
 
 
 def resize(images: Tensor) -> Tensor:
-    """Bring pictures to the autoencoder's size, whatever their shape, by averaging.
+    """Bring images to the autoencoder's size, whatever their shape, by averaging.
 
     Args:
         images: (batch, 3, height, width), float in [0, 1] or uint8.
@@ -108,7 +108,7 @@ def _decoder() -> nn.Sequential:
 
 
 def _rectified(layer: nn.Linear | nn.Conv2d | nn.ConvTranspose2d) -> tuple[nn.Module, nn.ReLU]:
-    """A layer and its ReLU, initialised so that what tells pictures apart keeps its size (He et al., 2015).
+    """A layer and its ReLU, initialised so that what tells images apart keeps its size (He et al., 2015).
 
     PyTorch's own weights shrink it in each layer, and a colour can stay unseen for hundreds of steps.
     """

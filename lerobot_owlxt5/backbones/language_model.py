@@ -13,8 +13,8 @@ from transformers.modeling_outputs import BaseModelOutput
 
 from .pretrained import EMBEDDED, find_backbone, load_pretrained
 
-# Encodings to remember: enough for CLANT's prompts, and at T5-small's size about 300 MB at the very most.
-MAX_REMEMBERED = 4096
+# Encodings in the cache: enough for CLANT's prompts, and at T5-small's size about 300 MB at the very most.
+MAX_CACHED = 4096
 IGNORED = -100
 
 
@@ -34,9 +34,9 @@ class SplitT5:
     def __init__(self, name: str, revision: str | None = None, *, frozen: bool = True) -> None:
         where = (
             "--policy.language_model",
-            f"{EMBEDDED}, or a folder that holds a T5 (`python -m lerobot_owlxt5.backbones` makes one)",
+            f"{EMBEDDED}, or a folder that holds a T5 (`python -m lerobot_owlxt5.backbones.small_t5` makes one)",
         )
-        name, revision = find_backbone(name, "tongue", revision)
+        name, revision = find_backbone(name, "language_model", revision)
         self.tokenizer = load_pretrained(AutoTokenizer, name, revision, *where)
         self.model: Any = load_pretrained(
             AutoModelForSeq2SeqLM, name, revision, *where, use_safetensors=True, dtype=torch.float32
@@ -46,7 +46,7 @@ class SplitT5:
         self.frozen = frozen
         if frozen:
             self.model.requires_grad_(False).eval()
-        self._remembered: dict[str, Tensor] = {}
+        self._cache: dict[str, Tensor] = {}
 
     @property
     def dim(self) -> int:
@@ -62,10 +62,10 @@ class SplitT5:
         if not self.frozen:
             encodings = self._encode(prompts, device)
         else:
-            new = [prompt for prompt in dict.fromkeys(prompts) if prompt not in self._remembered]
+            new = [prompt for prompt in dict.fromkeys(prompts) if prompt not in self._cache]
             if new:
-                if len(self._remembered) + len(new) > MAX_REMEMBERED:
-                    self._remembered.clear()
+                if len(self._cache) + len(new) > MAX_CACHED:
+                    self._cache.clear()
                     new = list(dict.fromkeys(prompts))
                 # One by one and in full precision, so that an encoding never depends on which prompts came
                 # along: a resumed run meets them in other company. A tensor made in inference mode could not
@@ -75,8 +75,8 @@ class SplitT5:
                     torch.no_grad(),
                     torch.autocast(device.type, enabled=False),
                 ):
-                    self._remembered |= {prompt: self._encode([prompt], device)[0] for prompt in new}
-            encodings = [self._remembered[prompt].to(device) for prompt in prompts]
+                    self._cache |= {prompt: self._encode([prompt], device)[0] for prompt in new}
+            encodings = [self._cache[prompt].to(device) for prompt in prompts]
         lengths = torch.tensor([len(encoding) for encoding in encodings], device=device)
         padded = pad_sequence(encodings, batch_first=True)
         return padded, torch.arange(padded.shape[1], device=device) < lengths[:, None]

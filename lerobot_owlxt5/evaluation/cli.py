@@ -15,11 +15,11 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot.utils.constants import ACTION, OBS_PREFIX
 from rich.console import Console
 
+from ..configuration_crossmodal import CrossmodalConfig
+from ..configuration_owlxt5 import GROUND_TRUTH
+from ..data.episode_store import check_episode_lengths
+from ..modeling_crossmodal import CrossmodalPolicy
 from . import metrics
-from .configuration_crossmodal import CrossmodalConfig
-from .configuration_owlxt5 import GROUND_TRUTH
-from .crossmodal_policy import CrossmodalPolicy
-from .episodes import check_episode_lengths
 from .report import Report
 from .scoring import Processor, score_policy
 

@@ -12,7 +12,7 @@ import string
 
 import numpy as np
 
-from .commands import parse_command, plain
+from .parser import parse_command, plain
 
 # Share of the samples whose object gets a made-up name.
 SHARE = 0.1

@@ -16,12 +16,13 @@ from torch import Tensor
 from torch.utils.data import DataLoader, Subset
 from tqdm import tqdm
 
-from . import metrics, modes
-from .annotations import EpisodeTexts, read_texts
-from .commands import named_objects, parse_command, plain, spoken
-from .crossmodal_policy import NOTHING_MOVED
-from .episodes import recover_actions
-from .made_up_names import rename_object
+from ..commands.parser import named_objects, parse_command, plain, spoken
+from ..commands.prompts import translate_prompt
+from ..commands.pseudo_names import rename_object
+from ..data.episode_store import EpisodeStore, EpisodeTexts
+from ..data.windows import recover_actions
+from ..modeling_crossmodal import NOTHING_MOVED
+from . import metrics
 from .report import Row
 from .rewording import COMMAND_KINDS, LABEL_KINDS, reword_command, reword_labels
 
@@ -112,11 +113,11 @@ def score_policy(
         robustness: Repeat execute and describe with words that are not in the data set.
         seed: Seed of these words.
     """
-    texts = read_texts(dataset.meta)
+    texts = EpisodeStore(dataset.meta).texts
     names = named_objects(dataset.meta.tasks.index)
     labels = {AS_TRAINED: dict(zip(names, names, strict=True))}
-    # Only a detector looks for labels: to other eyes it makes no difference how they are worded.
-    for kind in LABEL_KINDS if robustness and hasattr(policy.config, "detector") else ():
+    # Only a detector looks for labels: elsewhere it makes no difference how they are worded.
+    for kind in LABEL_KINDS if robustness and policy.visual.names_objects else ():
         labels[kind] = reword_labels(names, kind, texts, np.random.default_rng(seed))
     scores = Scores()
     first_frames = np.flatnonzero(dataset.hf_dataset.data.column("frame_index").to_numpy() == 0)
@@ -159,7 +160,7 @@ def score_policy(
                 ]
                 scores.add_texts("describe", variant, descriptions, references)
                 scores.add_refused("describe", variant, (text == NOTHING_MOVED for text in descriptions))
-            if hasattr(policy, "repeat_language"):
+            if "repeat_language" in policy.config.modes:
                 sentences = [spoken(task) for task in tasks]
                 repeated = policy.repeat_language(sentences, batch)
                 scores.add_texts("repeat language", AS_TRAINED, repeated, [[each] for each in sentences])
@@ -183,8 +184,9 @@ def _score_translations(
     if len(sentences) < len(texts):
         return
     device = batch[OBS_STATE].device
-    prompts = [modes.translate_prompt(sentence) for sentence in sentences]
-    alone = policy.language.generate(*policy.language.encode(prompts, device), policy.config.max_text_tokens)
+    prompts = [translate_prompt(sentence) for sentence in sentences]
+    language = policy.model.language
+    alone = language.generate(*language.encode(prompts, device), policy.config.max_text_tokens)
     translated = policy.translate(sentences, batch)
     references = [[each.translation or ""] for each in texts]
     scores.add_texts("translate", "vs. T5 alone", translated, [[text] for text in alone])

@@ -6,19 +6,19 @@ from typing import NamedTuple
 from torch import Tensor, nn
 
 from .action import ActionDecoder, ActionEncoder
-from .crossmodal import CrossmodalTransformer
+from .transformer import CrossmodalTransformer
 
 
-class Thought(NamedTuple):
+class CoreOutput(NamedTuple):
     """What language and action have become together.
 
     Attributes:
-        change: FC(h), (batch, tokens, dim_language): what is added to `l_enc` before the language decoder.
-        summary: Mean of h over the tokens, (batch, dim_model): what the action decoder begins with.
+        language_residual: FC(h), (batch, tokens, dim_language): what is added to `l_enc` before T5's decoder.
+        context: Mean of h over the tokens, (batch, dim_model): what the action decoder begins with.
     """
 
-    change: Tensor
-    summary: Tensor
+    language_residual: Tensor
+    context: Tensor
 
 
 class CrossmodalCore(nn.Module):
@@ -52,10 +52,10 @@ class CrossmodalCore(nn.Module):
         )
         self.fc = nn.Linear(dim_model, dim_language)
         self.decoder = ActionDecoder(dim_model, dim_visual, n_joints, dim_lstm, n_lstm_layers)
-        """Movement out of a `Thought`'s summary."""
+        """Movement out of a `CoreOutput`'s context."""
 
-    def think(self, language: Tensor, language_mask: Tensor, visual: Tensor, joints: Tensor) -> Thought:
-        """Join language with what is seen and felt.
+    def forward(self, language: Tensor, language_mask: Tensor, visual: Tensor, joints: Tensor) -> CoreOutput:
+        """Join language with visual features and joints.
 
         Args:
             language: l_enc, (batch, tokens, dim_language).
@@ -65,4 +65,4 @@ class CrossmodalCore(nn.Module):
         """
         h = self.crossmodal(language, self.encoder(visual, joints))
         weight = language_mask.to(h).unsqueeze(-1)
-        return Thought(self.fc(h), (h * weight).sum(dim=1) / weight.sum(dim=1))
+        return CoreOutput(self.fc(h), (h * weight).sum(dim=1) / weight.sum(dim=1))

@@ -2,7 +2,7 @@
 """Commands such as "push the red cube": which verb, which object.
 
 A command is an opening ("could you"), a verb, the object with a direction before or behind it, and an ending
-("please"). All but the object stand in the tables of `command_words.py`; what is left is the object's name.
+("please"). All but the object stand in the tables of `vocabulary.py`; what is left is the object's name.
 What does not fit is refused with a sentence that says why: our decision is never to guess a movement.
 """
 
@@ -11,8 +11,8 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
-from .command_words import (
-    ACTIONS,
+from .verbs import VERBS
+from .vocabulary import (
     ARTICLES,
     BEGINNINGS,
     COLOURS,
@@ -29,8 +29,6 @@ from .command_words import (
     VERB_PHRASES,
     VERB_WORDS,
 )
-
-VERBS = tuple(ACTIONS)
 
 
 @dataclass(frozen=True)
@@ -55,9 +53,11 @@ class Command:
         return f"{self.verb} {name}" if self.verb else name
 
     @property
-    def done(self) -> str:
-        """A sentence that says that the command was carried out."""
-        return ACTIONS[self.verb][1].format(object_name(self.object)) if self.verb else "I did it."
+    def intention(self) -> str:
+        """A sentence that says what is going to be done."""
+        if self.verb is None:
+            return "I will do it."
+        return f"I will {VERBS[self.verb].imperative.format(f'the {object_name(self.object)}')}."
 
 
 def parse_command(text: str) -> Command:
@@ -96,7 +96,7 @@ def _parse(words: list[str]) -> tuple[str | None, str]:
     if len(meant) != 1:
         return None, _ask_which(meant or possible | directions, name)
     if not name:
-        return None, f"What should I {ACTIONS[meant[0]][0].replace(' {}', '')}?"
+        return None, f"What should I {VERBS[meant[0]].imperative.replace(' {}', '')}?"
     return meant[0], name
 
 
@@ -140,7 +140,7 @@ def _begins_another(word: str, following: str) -> bool:
 
 
 def _ask_which(verbs: Collection[str], name: str) -> str:
-    asked = [ACTIONS[verb][0] for verb in VERBS if verb in verbs]
+    asked = [verb.imperative for name, verb in VERBS.items() if name in verbs]
     first = asked[0].format(f"the {object_name(name)}" if name else "it")
     *more, last = [first, *(question.format("it") for question in asked[1:])]
     return f"Should I {', '.join(more)} or {last}?"

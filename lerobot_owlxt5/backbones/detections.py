@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a detector answers: where the named objects are in an image."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import torch
+from torch import Tensor
+
+SAME_PLACE = 0.02
+"""Centres closer than this share of the image are at one place: the detector's noise."""
+
+
+class Detections(NamedTuple):
+    """Where the named objects are.
+
+    Attributes:
+        box: (batch, names, 4), left, upper, right and lower edge as shares of the image's width and height,
+            from its upper left corner; of the best box, however low its score.
+        score: (batch, names) in [0, 1]; the object counts as seen from the detector's threshold on.
+    """
+
+    box: Tensor
+    score: Tensor
+
+    @property
+    def centre(self) -> Tensor:
+        """Middle of the box, (batch, names, 2), x and y."""
+        return (self.box[..., :2] + self.box[..., 2:]) / 2
+
+    def foot(self, nadir: float | None) -> Tensor:
+        """Where upright objects touch the table: in the box's lower edge, under its middle.
+
+        In an image from above, uprights lean away from the middle; their lines meet at the nadir.
+
+        Args:
+            nadir: Where straight down is in the image, in the column of its middle: the row as a share of
+                the height; more than 1 lies below the image. None: uprights stand upright in the image.
+
+        Returns:
+            (batch, names, 2), x and y.
+        """
+        x, y = self.centre.unbind(dim=-1)
+        lower = self.box[..., 3]
+        if nadir is not None:
+            x = 0.5 + (x - 0.5) * (nadir - lower) / (nadir - y)
+        return torch.stack([x, lower], dim=-1)
+
+
+class Detector(Protocol):
+    """Finds named objects.
+
+    Attributes:
+        threshold: From this score on an object counts as seen.
+        revision: The Hub's commit, or the digest of embedded weights; None for a folder and the simulator.
+    """
+
+    threshold: float
+    revision: str | None
+
+    def __call__(
+        self,
+        observation: Mapping[str, Any],
+        names: Sequence[Sequence[str]],
+        near: Tensor | None = None,
+    ) -> Detections:
+        """Detect.
+
+        Args:
+            observation: Features `observation.*` of one step, (batch, ...) without a time axis.
+            names: For each sample, the names to look for; the same number for each sample.
+            near: (batch, names, 2), shares of the image: only boxes whose centre is at this place count,
+                `SAME_PLACE` about it.
+        """
+
+
+def same_place(centre: Tensor, other: Tensor) -> Tensor:
+    """Which of two sets of points (..., 2), shares of the image, are closer than `SAME_PLACE`; bool (...)."""
+    return (centre - other).norm(dim=-1) < SAME_PLACE

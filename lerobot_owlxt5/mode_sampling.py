@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which mode each sample of a training batch is in, what goes in as text and what should come out."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from .commands import pseudo_names
+from .commands.parser import parse_command, spoken
+from .commands.prompts import (
+    DESCRIBE,
+    MODES,
+    REPEAT_LANGUAGE,
+    describe_prompt,
+    execute_prompt,
+    repeat_action_prompt,
+    repeat_language_prompt,
+    translate_prompt,
+)
+from .data.episode_store import EpisodeTexts
+
+# The fractional part of its multiples is spread evenly over [0, 1).
+GOLDEN_RATIO = 0.6180339887498949
+
+
+class ModeBatch(NamedTuple):
+    """What each sample of a training batch is asked for.
+
+    Attributes:
+        mode: (batch,) int64, indices into `MODES`.
+        prompts: Text that goes in.
+        targets: Text that should come out; not used in translate.
+    """
+
+    mode: Tensor
+    prompts: list[str]
+    targets: list[str]
+
+
+class ModeSampler:
+    """Draws a mode, a wording and now and then a pseudo-name for each sample.
+
+    Args:
+        probabilities: By mode, need not sum to 1. An episode without a sentence is never in translate.
+        texts: Wordings and sentences by episode index.
+        names_objects: Whether describe's prompt names the object.
+        pseudo_names: Whether some objects get a pseudo-name.
+    """
+
+    def __init__(
+        self,
+        probabilities: Mapping[str, float],
+        texts: Mapping[int, EpisodeTexts],
+        *,
+        names_objects: bool,
+        pseudo_names: bool,
+    ) -> None:
+        self._shares = [probabilities.get(mode, 0.0) for mode in MODES]
+        self._texts = texts
+        self._names_objects = names_objects
+        self._pseudo_names = pseudo_names
+
+    def sample(self, batch: Mapping[str, Any], rngs: Sequence[np.random.Generator] | None) -> ModeBatch:
+        """Draw the modes and texts of a batch.
+
+        Args:
+            batch: `task`, `episode_index` and `index`.
+            rngs: Each sample's own random numbers. None: nothing is random, as in an evaluation: modes are
+                spread evenly over the frames, and texts are the tasks themselves.
+        """
+        tasks: list[str] = batch["task"]
+        texts = [
+            self._texts.get(episode, EpisodeTexts()) for episode in batch["episode_index"].flatten().tolist()
+        ]
+        probabilities = torch.tensor(
+            [
+                [
+                    share * (mode != "translate" or each.sentence is not None)
+                    for mode, share in zip(MODES, self._shares, strict=True)
+                ]
+                for each in texts
+            ]
+        )
+        chance = (
+            spread(batch["index"].flatten().cpu())
+            if rngs is None
+            else torch.tensor([rng.random() for rng in rngs], dtype=torch.float64)
+        )
+        mode = draw_modes(probabilities, chance)
+        prompts, targets = [], []
+        for sample, drawn in enumerate(mode.tolist()):
+            task = wording = tasks[sample]
+            if rngs is not None:
+                task, wording = self._draw_words(task, texts[sample], rngs[sample])
+            label = parse_command(task).object if self._names_objects else ""
+            prompts.append(
+                (
+                    execute_prompt(wording),
+                    describe_prompt(label),
+                    repeat_action_prompt(),
+                    translate_prompt(texts[sample].sentence or ""),
+                    repeat_language_prompt(wording),
+                )[drawn]
+            )
+            targets.append(spoken({DESCRIBE: task, REPEAT_LANGUAGE: wording}.get(drawn, "")))
+        return ModeBatch(mode, prompts, targets)
+
+    def _draw_words(self, task: str, texts: EpisodeTexts, rng: np.random.Generator) -> tuple[str, str]:
+        """Task and one of its wordings; now and then, for a small T5, both with a pseudo-name."""
+        wordings = texts.wordings or (task,)
+        wording = wordings[rng.integers(len(wordings))]
+        if self._pseudo_names and rng.random() < pseudo_names.SHARE:
+            name = pseudo_names.draw_name(rng)
+            return pseudo_names.rename_object(task, name), pseudo_names.rename_object(wording, name)
+        return task, wording
+
+
+def sample_rngs(seed: int, index: Tensor) -> list[np.random.Generator]:
+    """Each frame's own random numbers for a step, whatever its place in the batch and its GPU.
+
+    Args:
+        seed: Differs from step to step.
+        index: Of the frames in the dataset.
+    """
+    return [np.random.default_rng([seed, frame]) for frame in index.flatten().tolist()]
+
+
+def draw_modes(probabilities: Tensor, uniform: Tensor) -> Tensor:
+    """Draw one mode per sample by inverting the cumulative distribution.
+
+    Args:
+        probabilities: (batch, modes), not negative, at least one above 0 in each row; need not sum to 1.
+        uniform: (batch,) in [0, 1).
+
+    Returns:
+        (batch,) indices into `MODES`, int64.
+    """
+    cumulative = probabilities.cumsum(dim=1)
+    threshold = uniform[:, None] * cumulative[:, -1:]
+    return (cumulative <= threshold).sum(dim=1).clamp(max=len(MODES) - 1)
+
+
+def spread(index: Tensor) -> Tensor:
+    """Turn frame indices into evenly spread numbers in [0, 1): the same in each evaluation."""
+    return torch.frac(index.double() * GOLDEN_RATIO)

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a policy knows of an image: the only difference between OWLxT5 and CrossT5."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import torch
+from lerobot.utils.constants import ACTION
+from torch import Tensor, nn
+from tqdm import tqdm
+
+from .backbones.detections import Detections, Detector, same_place
+from .backbones.ground_truth import BOX_NUMBERS, GroundTruthDetector
+from .backbones.zero_shot import ZeroShotDetector
+from .configuration_owlxt5 import CENTRE, GROUND_TRUTH, OWLxT5Config
+from .data.episode_store import EpisodeStore
+from .data.windows import observation_at, recover_actions
+from .model.autoencoder import ChannelSeparatedAutoencoder
+
+# In describe names compete for what is seen, and one that counts must leave its place: weaker scores will do.
+DESCRIBE_THRESHOLD_SHARE = 0.5
+# An object is gone from a place where its score has fallen below this share of what it was.
+GONE = 0.5
+# A feature that varies less than this is not blown up.
+SMALLEST_RANGE = 1e-6
+
+
+class VisualInput(NamedTuple):
+    """What was seen of a batch.
+
+    Attributes:
+        features: (batch, steps, dim) in about [-1, 1]; one step where they stay the same.
+        object_found: (batch,) bool: was the object that the task names seen?
+    """
+
+    features: Tensor
+    object_found: Tensor
+
+
+class MovedObjects(NamedTuple):
+    """What was seen of finished episodes.
+
+    Attributes:
+        features: As in `VisualInput`.
+        moved: (batch,) bool: did an object leave its place? True where that cannot be told.
+        labels: What the object is called, for describe's prompt; empty where that cannot be told.
+    """
+
+    features: Tensor
+    moved: Tensor
+    labels: list[str]
+
+
+class VisualEncoder(Protocol):
+    """Turns images into the numbers that stand beside the joints.
+
+    Attributes:
+        names_objects: Whether it looks for an object by its name.
+    """
+
+    names_objects: bool
+
+    def encode(self, batch: Mapping[str, Any], names: Sequence[str]) -> VisualInput:
+        """Look at a batch's images: one step, or all steps of finished episodes.
+
+        Args:
+            batch: Features `observation.*`, with a time axis or without.
+            names: What each sample's object is called.
+        """
+
+    def encode_cached(
+        self, batch: Mapping[str, Any], names: Sequence[str], episodes: EpisodeStore
+    ) -> VisualInput:
+        """The same for a training batch, whose episodes come by again and again."""
+
+    def find_moved(self, batch: Mapping[str, Any], labels: Sequence[str]) -> MovedObjects:
+        """Look at finished episodes for the object that was moved.
+
+        Args:
+            batch: As `describe_delta_indices` of the policy's configuration requests it.
+            labels: Names of the objects that may have been moved.
+        """
+
+
+class ObjectPoint:
+    """OWLxT5's: a point of the named object's box, two numbers, the same at each step (paper, section 3)."""
+
+    names_objects = True
+
+    def __init__(self, config: OWLxT5Config) -> None:
+        """Load the detector that the configuration names, and note there which of the Hub's commits it is."""
+        self.detector: Detector
+        if config.detector == GROUND_TRUTH:
+            self.detector = GroundTruthDetector()
+        else:
+            self.detector = ZeroShotDetector(
+                config.detector, config.detector_revision, config.score_threshold, config.camera_key
+            )
+            config.detector_revision = self.detector.revision
+        self._config = config
+        self._cache: dict[tuple[int, str], tuple[float, ...]] = {}
+
+    def encode(self, batch: Mapping[str, Any], names: Sequence[str]) -> VisualInput:
+        """See `VisualEncoder`; of several steps the first counts."""
+        return self._input(self.detector(observation_at(batch, 0), [[name] for name in names]))
+
+    def encode_cached(
+        self, batch: Mapping[str, Any], names: Sequence[str], episodes: EpisodeStore
+    ) -> VisualInput:
+        """See `VisualEncoder`; an episode and a name are looked for once."""
+        keys = list(zip(batch["episode_index"].flatten().tolist(), names, strict=True))
+        first_seen = {key: sample for sample, key in enumerate(keys) if key not in self._cache}
+        if first_seen:
+            chosen = list(first_seen.values())
+            observation = {key: value[chosen] for key, value in observation_at(batch, 0).items()}
+            box, score = self.detector(observation, [[names[sample]] for sample in chosen])
+            found = torch.cat([box[:, 0], score], dim=1).tolist()
+            self._cache |= {key: tuple(numbers) for key, numbers in zip(first_seen, found, strict=True)}
+        numbers = torch.tensor([self._cache[key] for key in keys], device=batch[ACTION].device)
+        return self._input(Detections(numbers[:, None, :BOX_NUMBERS], numbers[:, BOX_NUMBERS:]))
+
+    def find_moved(self, batch: Mapping[str, Any], labels: Sequence[str]) -> MovedObjects:
+        """See `VisualEncoder`.
+
+        The detector looks for all labels in the first image, and in the last one at the same places. The
+        label whose score there has fallen to the smallest share counts. That is our reading of the paper,
+        whose prompt names no object. Of several labels for one object the one with the best score stands.
+        """
+        first, last = observation_at(batch, 0), observation_at(batch, -1)
+        asked = [list(labels)] * len(next(iter(first.values())))
+        before = self.detector(first, asked)
+        after = self.detector(last, asked, near=before.centre)
+        known = _best_label(before) & (before.score >= DESCRIBE_THRESHOLD_SHARE * self.detector.threshold)
+        still_there, index = torch.where(known, after.score / before.score, 1.0).min(dim=1)
+        moved = still_there < GONE
+        point = self._points(before).gather(1, index[:, None, None].expand(-1, -1, 2))
+        features = torch.where(moved[:, None, None], point, 0.0)
+        return MovedObjects(features, moved, [labels[each] for each in index.tolist()])
+
+    def _input(self, detections: Detections) -> VisualInput:
+        """Where the one object of each sample is; 0 if it was not seen."""
+        found = detections.score >= self.detector.threshold
+        return VisualInput(torch.where(found[..., None], self._points(detections), 0.0), found[:, 0])
+
+    def _points(self, detections: Detections) -> Tensor:
+        """The object points, scaled to [-1, 1] like the joints; (samples, names, 2)."""
+        config = self._config
+        point = detections.centre if config.object_point == CENTRE else detections.foot(config.nadir)
+        return 2 * point - 1
+
+
+class AutoencoderFeatures(nn.Module):
+    """CrossT5's: 30 features of each frame, from an autoencoder that stays as it is.
+
+    It sees whole images and no objects, so it cannot miss one. A checkpoint holds its weights.
+    """
+
+    names_objects = False
+    lowest: Tensor
+    highest: Tensor
+
+    def __init__(self, camera: str, max_episode_steps: int) -> None:
+        super().__init__()
+        self.autoencoder = ChannelSeparatedAutoencoder().requires_grad_(False)
+        # What the features of all frames of the training data lie between.
+        self.register_buffer("lowest", -torch.ones(self.autoencoder.dim_output))
+        self.register_buffer("highest", torch.ones(self.autoencoder.dim_output))
+        self._camera = camera
+        self._steps = max_episode_steps
+        self._cache: dict[int, Tensor] = {}
+
+    def encode(self, batch: Mapping[str, Any], names: Sequence[str]) -> VisualInput:
+        """See `VisualEncoder`: one frame, or an episode's frames, (batch, 1 or L, 30)."""
+        images: Tensor = batch[self._camera]
+        features = self.autoencoder.encode_frames(images if images.ndim == 5 else images[:, None])
+        if features.shape[1] > 1:
+            features, _ = recover_actions(features, batch[f"{self._camera}_is_pad"])
+        return self._input(features)
+
+    def encode_cached(
+        self, batch: Mapping[str, Any], names: Sequence[str], episodes: EpisodeStore
+    ) -> VisualInput:
+        """See `VisualEncoder`; each frame of the dataset is encoded once.
+
+        This waits for the first batch, when the weights are loaded and on their device. Like the joints'
+        range, the features' range is that of the data on which the policy is trained last.
+        """
+        if not self._cache:
+            step = torch.arange(self._steps)
+            frames = tqdm(episodes.frames(self._camera), desc="Encoding all frames", unit="episode")
+            self._cache = {
+                episode: self.autoencoder.encode_frames(images)[step.clamp(max=len(images) - 1)]
+                for episode, images in frames
+            }
+            self.lowest = torch.stack([each.amin(dim=0) for each in self._cache.values()]).amin(dim=0)
+            self.highest = torch.stack([each.amax(dim=0) for each in self._cache.values()]).amax(dim=0)
+        indices = batch["episode_index"].flatten().tolist()
+        return self._input(torch.stack([self._cache[episode] for episode in indices]))
+
+    def find_moved(self, batch: Mapping[str, Any], labels: Sequence[str]) -> MovedObjects:
+        """See `VisualEncoder`; which object moved is for the network to tell."""
+        features, seen = self.encode(batch, ())
+        return MovedObjects(features, seen, [""] * len(features))
+
+    def _input(self, features: Tensor) -> VisualInput:
+        """Scale features to [-1, 1], like the joints."""
+        half = ((self.highest - self.lowest) / 2).clamp(min=SMALLEST_RANGE)
+        scaled = (features - (self.highest + self.lowest) / 2) / half
+        return VisualInput(scaled, torch.ones(len(scaled), dtype=torch.bool, device=scaled.device))
+
+
+def _best_label(detections: Detections) -> Tensor:
+    """Which labels say best what is at their place, (samples, labels) bool."""
+    same = same_place(detections.centre[:, :, None], detections.centre[:, None])
+    return detections.score == torch.where(same, detections.score[:, None], 0.0).amax(dim=-1)
