@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from clant_claeo.demonstrations import from_release
 from clant_claeo.release import read_release
-from nico_tabletop.objects import SUITES
+from nico_tabletop.objects import read_objects
 from nico_tabletop.replay import replay
 from nico_tabletop.scoring import Outcome
 from nico_tabletop.simulation import TabletopSimulation
@@ -25,13 +25,13 @@ from nico_tabletop.simulation import TabletopSimulation
 
 def main() -> None:
     """Replay, judge and report."""
-    suite = sys.argv[1] if len(sys.argv) > 1 else "clant"
+    objects = sys.argv[1] if len(sys.argv) > 1 else "clant"
     release = read_release(os.environ["OWLXT5_CLANT_DIR"])
-    simulation = TabletopSimulation(SUITES[suite])
+    simulation = TabletopSimulation(read_objects(objects))
     outcomes: dict[str, Counter[Outcome]] = defaultdict(Counter)
     motions: dict[str, list[tuple[float, float]]] = defaultdict(list)
     began = time.perf_counter()
-    for demonstration in tqdm(list(from_release(release, suite)), unit="episode"):
+    for demonstration in tqdm(list(from_release(release, objects)), unit="episode"):
         action = demonstration.action
         simulation.reset(demonstration.arrangement)
         start = simulation.object_positions()
@@ -41,7 +41,7 @@ def main() -> None:
         angle = np.rad2deg(np.arccos(np.clip(motion @ np.array(action.direction) / distance, -1, 1)))
         motions[action.name].append((100 * distance, float(angle)))
     seconds = time.perf_counter() - began
-    table = Table(title=f"Replays of the release on {suite}")
+    table = Table(title=f"Replays of the release on {objects}")
     for heading in ("action", *Outcome, "cm, least", "cm, most", "degrees, most"):
         table.add_column(str(heading), justify="left" if heading == "action" else "right")
     for name, count in outcomes.items():

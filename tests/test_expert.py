@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from nico_tabletop.objects import SUITES
+from nico_tabletop.objects import read_objects
 from nico_tabletop.placement import SLOT_POSES, OutOfReachError, Pose, Poses, draw_poses
 from nico_tabletop.replay import replay
 from nico_tabletop.robot import INITIAL_POSE_DEG, joint_limits_deg
@@ -24,7 +24,7 @@ ARMS = {"right": slice(0, 5), "left": slice(5, 10)}
 
 @pytest.fixture(scope="module")
 def simulation() -> TabletopSimulation:
-    return TabletopSimulation(SUITES["clant"])
+    return TabletopSimulation(read_objects("clant"))
 
 
 def free_poses(number: int) -> Poses:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from nico_tabletop.configuration import ClaeoEnvConfig
 from nico_tabletop.env import NAME_BYTES, TabletopEnv
-from nico_tabletop.objects import SUITES
+from nico_tabletop.objects import read_objects
 from nico_tabletop.placement import (
     CLEARANCE,
     FARTHEST,
@@ -47,9 +47,9 @@ def test_the_slots_lie_in_the_region() -> None:
     assert all(NEAREST <= x <= FARTHEST and abs(y) <= half_width(x) for x, y, _ in SLOT_POSES)
 
 
-@pytest.mark.parametrize("suite", SUITES)
-def test_the_eyes_see_every_object_at_the_ends_of_the_region(suite: str) -> None:
-    simulation = TabletopSimulation(SUITES[suite])
+@pytest.mark.parametrize("objects", ["clant", "claeo"])
+def test_the_eyes_see_every_object_at_the_ends_of_the_region(objects: str) -> None:
+    simulation = TabletopSimulation(read_objects(objects))
     names = list(simulation.objects)
     for arrangement in (names[:3], names[3:]):
         for turn in range(3):
@@ -63,7 +63,7 @@ def test_the_eyes_see_every_object_at_the_ends_of_the_region(suite: str) -> None
 
 @pytest.mark.parametrize("number", range(5))
 def test_objects_stay_where_they_are_put(number: int) -> None:
-    simulation = TabletopSimulation(SUITES["clant"])
+    simulation = TabletopSimulation(read_objects("clant"))
     poses = draw_poses(np.random.default_rng(number))
     simulation.reset(("red", "green", "blue"), poses)
     np.testing.assert_array_equal(simulation.object_positions()[:, :2], [pose[:2] for pose in poses])
@@ -76,13 +76,13 @@ def test_objects_stay_where_they_are_put(number: int) -> None:
 
 @pytest.mark.filterwarnings("ignore:.*(symmetric and normalized|alternative render modes)")
 def test_the_environment_passes_gymnasiums_checker() -> None:
-    env = TabletopEnv("claeo", "SLIDE-M-L", height=48, width=64, placement="free")
+    env = TabletopEnv("SLIDE-M-L", "claeo", height=48, width=64, placement="free")
     check_env(env)
     env.close()
 
 
 def test_a_seed_draws_the_same_scene_and_each_reset_another() -> None:
-    env = TabletopEnv("claeo", "PUSH-L", height=48, width=64, placement="free")
+    env = TabletopEnv("PUSH-L", "claeo", height=48, width=64, placement="free")
     drawn = [env.reset(seed=seed)[1]["poses"] for seed in (1, None, 1, None)]
     assert drawn[:2] == drawn[2:]
     assert drawn[0] != drawn[1]
@@ -90,7 +90,7 @@ def test_a_seed_draws_the_same_scene_and_each_reset_another() -> None:
 
 
 def test_the_slots_are_drawn_as_ever_and_poses_may_be_given() -> None:
-    env = TabletopEnv("claeo", "PUSH-M", height=48, width=64)
+    env = TabletopEnv("PUSH-M", "claeo", height=48, width=64)
     observation, info = env.reset(seed=0)
     assert info["poses"] == SLOT_POSES
     again, info = env.reset(options={"arrangement": info["arrangement"], "poses": info["poses"]})
@@ -118,4 +118,4 @@ def test_another_placement_is_refused() -> None:
     with pytest.raises(ValueError, match="placement must be one of slots, free; got 'anywhere'"):
         ClaeoEnvConfig(placement="anywhere").create_envs(n_envs=1)
     with pytest.raises(ValueError, match="placement must be one of slots, free"):
-        TabletopEnv("clant", "PUSH-L", placement="anywhere")
+        TabletopEnv("PUSH-L", "clant", placement="anywhere")

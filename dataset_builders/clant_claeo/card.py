@@ -2,6 +2,7 @@
 """The data set card: what lies in the folder, told to a person, with a picture made from its frames."""
 
 import json
+import shlex
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -48,18 +49,34 @@ class Build:
     """How a data set was made; stored with it, so that its card can be written again under another name.
 
     Attributes:
-        suite: `clant` or `claeo`.
-        name: The suite, or the name of another set of objects.
+        objects: What its episodes show: name of a shipped set, or path of a YAML file without its folders.
+        placement: Where its objects stand, `slots` or `free`.
         release: Made from the original release, which states no licence; from a script of our own otherwise.
         command: The command that makes it, without any path of the machine that it ran on.
         versions: The packages that made it, such as `mujoco 4.0.0`.
     """
 
-    suite: str
-    name: str
+    objects: str
+    placement: str
     release: bool
     command: str
     versions: str = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
+
+    @property
+    def name(self) -> str:
+        """What the dataset is called: by its objects."""
+        return Path(self.objects).stem
+
+    @property
+    def environment(self) -> str:
+        """Options of `lerobot-eval` for an environment with the same objects in the same places."""
+        own_type = self.objects in ("clant", "claeo")
+        options = [f"--env.type={self.objects if own_type else 'clant'}"]
+        if not own_type:
+            options.append(f"--env.objects={self.objects}")
+        if self.placement != "slots":
+            options.append(f"--env.placement={self.placement}")
+        return shlex.join(options)
 
 
 def read_build(root: Path) -> Build | None:
@@ -99,7 +116,8 @@ def write_card(root: Path, repo_id: str, build: Build) -> None:
         template_path=str(_TEMPLATE),
         title=build.name.upper(),
         repo_id=repo_id,
-        suite=build.suite,
+        stand_ins=build.objects != "clant",
+        environment=build.environment,
         release=build.release,
         command=build.command,
         versions=build.versions,

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_tabletop.objects import CUBE_HALF_WIDTH, SUITES
+from nico_tabletop.objects import CUBE_HALF_WIDTH, read_objects
 from nico_tabletop.placement import OutOfReachError, Pose
 from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES
 from nico_tabletop.scene import TABLE_HEIGHT, build_model, resting_place
@@ -87,7 +87,7 @@ def _robot() -> mujoco.MjModel:
 @cache
 def _cubes() -> mujoco.MjModel:
     """The robot and three cubes, which feel a hand that is closer than `_MARGIN`."""
-    model = build_model(SUITES["clant"][:3])
+    model = build_model(read_objects("clant")[:3])
     model.geom_margin[:] = _MARGIN
     return model
 
@@ -222,7 +222,7 @@ def _is_clear(rows: NDArray[np.float64], acting: str, slot: int, poses: Sequence
     """Whether the acting hand, once risen, stays `_MARGIN` away from all objects but the one to move."""
     model = _cubes()
     data = mujoco.MjData(model)
-    names = [item.name for item in SUITES["clant"][:3]]
+    names = [item.name for item in read_objects("clant")[:3]]
     for name, pose in zip(names, poses, strict=True):
         data.joint(name).qpos[:] = resting_place(pose)
     others = [model.body(name).id for index, name in enumerate(names) if index != slot]

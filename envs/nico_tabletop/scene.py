@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The MuJoCo model of the world: NICO, the table, the light, and all objects of a suite."""
+"""The MuJoCo model of the world: NICO, the table, the light, and all objects of a set."""
 
 from xml.etree.ElementTree import SubElement, fromstring, tostring
 
@@ -98,6 +98,6 @@ def resting_place(pose: Pose) -> tuple[float, ...]:
 
 
 def parking_place(index: int) -> tuple[float, ...]:
-    """Position and quaternion, as above, of a suite's `index`-th object while it is not part of the scene."""
+    """Position and quaternion, as above, of the `index`-th object while it is not part of the scene."""
     row, place = divmod(index, 20)
     return _PARKING[0] - 0.3 * row, 0.3 * place, _PARKING[1], 1.0, 0.0, 0.0, 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The running world: NICO's servos, three objects of a suite on the table, and what the cameras see."""
+"""The running world: NICO's servos, three objects on the table, and what the cameras see."""
 
 from collections.abc import Sequence
 
