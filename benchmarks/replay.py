@@ -38,7 +38,7 @@ def main() -> None:
         outcomes[action.name][replay(simulation, action, demonstration.joints)] += 1
         motion = (simulation.object_positions() - start)[action.slot, :2]
         distance = float(np.linalg.norm(motion))
-        angle = np.rad2deg(np.arccos(np.clip(motion @ np.array(action.direction) / distance, -1, 1)))
+        angle = np.rad2deg(np.arccos(np.clip(motion @ np.array(action.verb.direction) / distance, -1, 1)))
         motions[action.name].append((100 * distance, float(angle)))
     seconds = time.perf_counter() - began
     table = Table(title=f"Replays of the release on {objects}")

@@ -49,7 +49,8 @@ def demonstrations(count: int = 5) -> list[Demonstration]:
     for index in range(count):
         joints = INITIAL_POSE_DEG + random.normal(0, 2, (4 + index, 10)) * (np.arange(4 + index) > 0)[:, None]
         action = find_action(("PUSH-L", "PULL-M", "SLIDE-R-L")[index % 3])
-        words = (f"{action.verb} ball", f"{action.verbs[1]} ball", f"{action.verb} sphere", "roll")
+        verb = action.verb
+        words = (f"{verb.name} ball", f"{verb.synonym} ball", f"{verb.name} sphere", "roll")
         split: takes.Split = "test" if index in (0, 3) else "train"
         names, sentences = ("mug", "ball", "can"), ("Yes.", "Ja.")
         made.append(Demonstration(action, names, SLOT_POSES, joints, words, sentences, split))

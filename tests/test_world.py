@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from nico_tabletop.env import EPISODE_STEPS, NAME_BYTES, TabletopEnv
+from nico_tabletop.env import NAME_BYTES, TabletopEnv
 from nico_tabletop.objects import read_objects
 from nico_tabletop.replay import replay
 from nico_tabletop.robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
 from nico_tabletop.simulation import JointTargetError, TabletopSimulation
-from nico_tabletop.tasks import find_action
+from nico_tabletop.tasks import EPISODE_STEPS, find_action
 
 CUBES = ("red", "green", "blue")
 

@@ -14,11 +14,7 @@ from .robot import EYES, INITIAL_POSE_DEG, joint_limits_deg
 from .scene import SPECTATOR
 from .scoring import judge
 from .simulation import CONTROL_HZ, TabletopSimulation
-from .tasks import SLOTS, arrangements, find_action
-
-EPISODE_STEPS = 90
-"""CLANT's longest action, 85 frames, and half a second for the objects to come to rest."""
-
+from .tasks import EPISODE_STEPS, SLOTS, arrangements, find_action
 
 DESCRIPTION_SIZE = len(SLOTS) * (4 + NAME_BYTES)
 """Length of what `describe_objects` returns."""
@@ -104,7 +100,7 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
     @property
     def task_description(self) -> str:
         """The command of this episode in CLANT's words, such as `push red` or `slide-to-left ball`."""
-        return f"{self.action.verb} {self._simulation.arrangement[self.action.slot]}"
+        return f"{self.action.verb.name} {self._simulation.arrangement[self.action.slot]}"
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
