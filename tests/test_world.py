@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 import subprocess
 import sys
+import tomllib
 from functools import partial
+from pathlib import Path
 
 import gymnasium as gym
 import mujoco
@@ -10,13 +12,16 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from nico_tabletop.env import NAME_BYTES, TabletopEnv
+from nico_tabletop.nico_mjcf import nico_mjcf
 from nico_tabletop.objects import read_objects
 from nico_tabletop.replay import replay
-from nico_tabletop.robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
+from nico_tabletop.robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, NICO_XML, joint_limits_deg
+from nico_tabletop.scene import SCENE_XML, SPECTATOR, TABLE_HEIGHT
 from nico_tabletop.simulation import JointTargetError, TabletopSimulation
 from nico_tabletop.tasks import EPISODE_STEPS, find_action
 
 CUBES = ("red", "green", "blue")
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +67,29 @@ def test_a_target_that_is_not_finite_names_the_joint(cubes: TabletopSimulation, 
     target[3] = bad
     with pytest.raises(JointTargetError, match="r_elbow_y"):
         cubes.step(target)
+
+
+def test_the_file_of_the_robot_is_what_its_kinematics_give():
+    assert NICO_XML.read_text(encoding="utf-8") == nico_mjcf()
+
+
+def test_mujoco_opens_the_scene_by_itself():
+    model = mujoco.MjModel.from_xml_path(str(SCENE_XML))
+    assert tuple(model.actuator(index).name for index in range(model.nu)) == JOINT_NAMES
+    assert {model.camera(index).name for index in range(model.ncam)} == {EYES, SPECTATOR}
+    assert model.nq == len(JOINT_NAMES), "nothing but the arms moves"
+    np.testing.assert_allclose(np.rad2deg(model.jnt_range), joint_limits_deg(), rtol=1e-12)
+    table = model.geom("table")
+    assert table.pos[2] + table.size[2] == pytest.approx(TABLE_HEIGHT, abs=1e-9)
+
+
+def test_every_file_of_the_world_is_shipped():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    folder = ROOT / settings["package-dir"]["nico_tabletop"]
+    shipped = {file for pattern in settings["package-data"]["nico_tabletop"] for file in folder.glob(pattern)}
+    files = {file for file in folder.rglob("*.*") if file.suffix not in (".py", ".pyc")}
+    assert files == shipped
+    assert {NICO_XML, SCENE_XML} <= shipped
 
 
 def test_an_arrangement_of_unknown_or_repeated_objects_is_refused(cubes: TabletopSimulation):
