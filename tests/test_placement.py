@@ -3,6 +3,7 @@
 
 from itertools import combinations, pairwise
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
@@ -74,10 +75,10 @@ def test_objects_stay_where_they_are_put(number: int) -> None:
     assert np.rad2deg(np.arctan2(turn[1], turn[0])) == pytest.approx(poses[1].yaw, abs=0.5)
 
 
-@pytest.mark.filterwarnings("ignore:.*(symmetric and normalized|alternative render modes)")
+@pytest.mark.filterwarnings("ignore:.*symmetric and normalized")
 def test_the_environment_passes_gymnasiums_checker() -> None:
-    env = TabletopEnv("SLIDE-M-L", "claeo", height=48, width=64, placement="free")
-    check_env(env)
+    env = gym.make("nico_tabletop/Claeo-v0", action="SLIDE-M-L", height=48, width=64, placement="free")
+    check_env(env.unwrapped)
     env.close()
 
 

@@ -124,12 +124,35 @@ def test_an_object_that_is_not_seen_has_no_segmented_box(cubes: TabletopSimulati
     assert (boxes[1:] > 0).all()
 
 
-@pytest.mark.filterwarnings("ignore:.*(symmetric and normalized|alternative render modes)")
-@pytest.mark.parametrize("objects", ["clant", "claeo"])
-def test_the_environment_passes_gymnasiums_checker(objects: str):
-    env = TabletopEnv("PULL-R", objects, height=48, width=64)
-    check_env(env)
+# Actions are joint targets in degrees, as the robot and the datasets have them.
+@pytest.mark.filterwarnings("error", "ignore:.*symmetric and normalized")
+@pytest.mark.parametrize("name", ["nico_tabletop/Clant-v0", "nico_tabletop/Claeo-v0"])
+def test_the_registered_environments_pass_gymnasiums_checker(name: str):
+    env = gym.make(name, action="PULL-R", height=48, width=64)
+    check_env(env.unwrapped)
     env.close()
+
+
+def test_another_render_mode_is_refused():
+    with pytest.raises(ValueError, match="render_mode must be rgb_array; got 'ansi'"):
+        TabletopEnv("PUSH-L", render_mode="ansi")
+
+
+def test_gymnasium_makes_the_environments_without_lerobot():
+    code = """if True:
+        import sys
+        import gymnasium
+        import nico_tabletop
+
+        for objects in ("Clant", "Claeo"):
+            env = gymnasium.make(f"nico_tabletop/{objects}-v0", action="PUSH-L", height=48, width=64)
+            assert isinstance(env.unwrapped, nico_tabletop.TabletopEnv)
+            env.reset(seed=0)
+            print(env.unwrapped.task_description, gymnasium.spec(env.spec.id).to_json() != "")
+        print("lerobot" in sys.modules)
+    """
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ["push yellow True", "push empty wine bottle True", "False"]
 
 
 def test_an_episode_ends_with_its_outcome_and_names_its_task():

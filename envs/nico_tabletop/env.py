@@ -54,7 +54,6 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": CONTROL_HZ}  # noqa: RUF012  Gymnasium's own attribute
-    render_mode = "rgb_array"
 
     def __init__(
         self,
@@ -63,6 +62,7 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         height: int = 240,
         width: int = 320,
         placement: str = "slots",
+        render_mode: str = "rgb_array",
     ) -> None:
         """Make the environment; the GL context comes with the first image.
 
@@ -72,10 +72,14 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
             height: Rows of the eyes' image.
             width: Columns of the eyes' image.
             placement: `slots` (CLANT's three places) or `free` (drawn anew in each reset, `draw_poses`).
+            render_mode: Gymnasium's; `rgb_array` is the only one.
 
         Raises:
-            ValueError: If there is no such action or placement, or if the objects cannot be used.
+            ValueError: If there is no such action, placement or render mode, or the objects cannot be used.
         """
+        if render_mode not in self.metadata["render_modes"]:
+            raise ValueError(f"render_mode must be rgb_array; got {render_mode!r}")
+        self.render_mode = render_mode
         self.action = find_action(action)
         self._draw_poses = find_placement(placement)
         self._size = (height, width)
