@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compare every value of a data set with the original release: python benchmarks/exactness.py ROOT [claeo].
+"""Compare every value of a data set with the original release: python benchmarks/exactness.py ROOT [OBJECTS].
 
 Needs the release's folder in OWLXT5_CLANT_DIR. Exit status 1 if any episode differs; the first ten are named.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often the scripted expert's plan is perfect: python benchmarks/expert.py clant|claeo [scenes [seed]].
+"""How often the scripted expert's plan is perfect: python benchmarks/expert.py [OBJECTS [SCENES [SEED]]].
 
 Acts in so many random free scenes (default 1000), the twelve actions in turn, and once on the slots with each
 action. A plan is made from the objects' poses alone and never tried out before it counts. No rendering.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replay every demonstration of the original release: python benchmarks/replay.py clant|claeo.
+"""Replay every demonstration of the original release: python benchmarks/replay.py [OBJECTS].
 
 Needs the release's folder in OWLXT5_CLANT_DIR. Prints the outcomes of all replays and, for each action, how
 far the object moved, in centimetres, and how many degrees off the intended direction.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The data set card: what lies in the folder, told to a person, with a picture made from its frames."""
+"""The dataset card: what lies in the folder, told to a person, with an image made from its frames."""
 
 import json
 import shlex
@@ -24,12 +24,12 @@ _TEMPLATE = Path(__file__).with_name("card_template.md")
 _RELEASE_PAGE = "https://github.com/samsoneko/CrossT5"
 _RECORD = Path("meta/build.json")
 _PREVIEW = "preview.jpg"
-_PREVIEW_WIDTH = 240  # pixels, of one frame in the picture
+_PREVIEW_WIDTH = 240  # pixels, of one frame in the image
 _PREVIEW_FRAMES = 4  # of an episode
 _PREVIEW_GAP = 4  # pixels
 
 _TEXTS = {
-    f"{OBS_IMAGES}.{EYES}": "picture between the eyes",
+    f"{OBS_IMAGES}.{EYES}": "image between the eyes",
     OBS_STATE: "joint angles in degrees, row t of the trajectory",
     ACTION: "joint targets in degrees, row t + 1; the last row is held once",
     OBJECTS: "**ground truth**: for the objects on the left, middle and right slot the box x0, y0, x1, y1 as "
@@ -37,7 +37,7 @@ _TEXTS = {
     "timestamp": "seconds since the episode's start",
     "frame_index": "number of the frame in its episode",
     "episode_index": "number of the episode",
-    "index": "number of the frame in the data set",
+    "index": "number of the frame in the dataset",
     "task_index": "number of the task; LeRobot returns its text as `task`, such as `slide-to-left red`",
     LANGUAGE_PERSISTENT: "LeRobot's language column, see below",
     LANGUAGE_EVENTS: "LeRobot's other language column; empty",
@@ -46,7 +46,7 @@ _TEXTS = {
 
 @dataclass(frozen=True)
 class Build:
-    """How a data set was made; stored with it, so that its card can be written again under another name.
+    """How a dataset was made; stored with it, so that its card can be written again under another name.
 
     Attributes:
         objects: What its episodes show: name of a shipped set, or path of a YAML file without its folders.
@@ -80,16 +80,16 @@ class Build:
 
 
 def read_build(root: Path) -> Build | None:
-    """How the data set in `root` was made; None if nothing there tells."""
+    """How the dataset in `root` was made; None if nothing there tells."""
     record = root / _RECORD
     return Build(**json.loads(record.read_text())) if record.exists() else None
 
 
 def write_card(root: Path, repo_id: str, build: Build) -> None:
-    """Write `README.md`, its picture and the record of the build into a complete data set.
+    """Write `README.md`, its image and the record of the build into a complete dataset.
 
     Args:
-        root: The data set's folder.
+        root: The dataset's folder.
         repo_id: Its name on the Hub, which the card's examples load.
         build: How it was made.
     """
@@ -164,7 +164,7 @@ def _preview(dataset: LeRobotDataset, episodes: list[int]) -> Image.Image:
         length = dataset.meta.episodes[index]["length"]
         for column, step in enumerate(np.linspace(0, length - 1, _PREVIEW_FRAMES).round().astype(int)):
             frame = dataset[int(start + step)][f"{OBS_IMAGES}.{EYES}"]
-            picture = Image.fromarray((frame.permute(1, 2, 0).numpy() * 255).round().astype(np.uint8))
-            strip.paste(picture.resize(size, Image.Resampling.LANCZOS), (column * step_x, row * step_y))
+            image = Image.fromarray((frame.permute(1, 2, 0).numpy() * 255).round().astype(np.uint8))
+            strip.paste(image.resize(size, Image.Resampling.LANCZOS), (column * step_x, row * step_y))
         start += length
     return strip

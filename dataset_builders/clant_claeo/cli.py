@@ -45,7 +45,7 @@ class DatasetConfig:
     width: int = 640
     # Store frames as video (small); false: as single images (faster to read at random).
     video: bool = True
-    # `i/n`: build only the i-th of n parts of the episodes, a data set of its own.
+    # `i/n`: build only the i-th of n parts of the episodes, a dataset of its own.
     shard: str | None = None
     # Parallel processes; as many as there are usable cores when unset.
     workers: int | None = None
@@ -60,7 +60,7 @@ class DatasetConfig:
         return f"path/to/{Path(self.objects).name}" if os.sep in self.objects else self.objects
 
 
-# Options that say where a data set goes and how fast it gets there, not what is in it.
+# Options that say where a dataset goes and how fast it gets there, not what is in it.
 _WITHOUT_EFFECT = {"repo_id", "root", "workers", "push_to_hub", "private"}
 
 
@@ -136,7 +136,7 @@ def _build(config: DatasetConfig, repo_id: str, root: Path, record: Build, conso
 
 
 def _prepare_push(config: DatasetConfig, record: Build, repo_id: str) -> None:
-    """Fail before hours of building and not after them, if the Hub will not take the data set."""
+    """Fail before hours of building and not after them, if the Hub will not take the dataset."""
     if "/" not in repo_id or config.repo_id is None:
         raise ValueError(f"--push_to_hub=true needs --repo_id=<your name on the Hub>/{record.name}")
     create_repository(repo_id, private=_private(config))
@@ -158,7 +158,7 @@ def _make(config: DatasetConfig) -> None:
     elif built.command == record.command:
         _prepare_push(config, record, repo_id)
         write_card(root, repo_id, built)
-        console.print("The data set is there already and is not built again")
+        console.print("The dataset is there already and is not built again")
     else:
         raise FileExistsError(
             f"{root} holds what another command made: {built.command}. Choose another --root"
@@ -168,7 +168,7 @@ def _make(config: DatasetConfig) -> None:
         if record.release:
             visible = "It is private" if _private(config) else "Be sure that you may share it"
             console.print(f"{visible}: the release states no licence for its data (--private)")
-    console.print(f"Data set: {root}", soft_wrap=True)
+    console.print(f"Dataset: {root}", soft_wrap=True)
     command = f"lerobot-train --policy.type=owlxt5 --policy.push_to_hub=false --dataset.repo_id={repo_id}"
     console.print(f"Next: {command} --dataset.root={root}", soft_wrap=True)
 

@@ -17,7 +17,7 @@ from rich.table import Table
 from .scoring import Outcome
 from .tasks import ACTIONS
 
-_FRAMES, _ROWS = 4, 3  # of a video, and videos of an environment type, in the picture
+_FRAMES, _ROWS = 4, 3  # of a video, and videos of an environment type, in the image
 
 
 def outcomes(info: dict[str, Any]) -> dict[str, dict[str, Counter[Outcome]]]:
@@ -62,7 +62,7 @@ def _frames(video: Path) -> NDArray[np.uint8]:
 
 
 def main() -> None:
-    """Print the table, and save a picture with a row of frames for some of the videos."""
+    """Print the table, and save an image with a row of frames for some of the videos."""
     parser = argparse.ArgumentParser(prog="python -m nico_tabletop.report", description=main.__doc__)
     parser.add_argument("eval_info", nargs="+", type=Path, help="eval_info.json of lerobot-eval")
     parser.add_argument("--picture", type=Path, required=True, help="PNG file to write")
