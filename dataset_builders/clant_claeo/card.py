@@ -49,7 +49,7 @@ class Build:
     """How a dataset was made; stored with it, so that its card can be written again under another name.
 
     Attributes:
-        objects: What its episodes show: name of a shipped set, or path of a YAML file without its folders.
+        objects: What its episodes show: name of a shipped set, or a YAML file with `path/to` for its folders.
         placement: Where its objects stand, `slots` or `free`.
         release: Made from the original release, which states no licence; from a script of our own otherwise.
         command: The command that makes it, without any path of the machine that it ran on.
