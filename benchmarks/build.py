@@ -25,7 +25,7 @@ from rich.table import Table
 from clant_claeo import builder, takes
 from clant_claeo.demonstrations import scripted
 from clant_claeo.workers import quiet
-from nico_tabletop.objects import SUITES
+from nico_tabletop.objects import read_objects
 from nico_tabletop.simulation import TabletopSimulation
 
 HEIGHT, WIDTH = 240, 320
@@ -50,7 +50,7 @@ def _split(folder: Path) -> tuple[dict[str, float], int]:
     spent: dict[str, float] = defaultdict(float)
     demonstrations = list(scripted("clant"))[:12]
     options = {"keep_failures": True, "height": HEIGHT, "width": WIDTH, "video": True}
-    studio = takes.Studio(folder / "warm", SUITES["clant"], **options)  # type: ignore[arg-type]
+    studio = takes.Studio(folder / "warm", read_objects("clant"), **options)  # type: ignore[arg-type]
     takes.make_take(studio, (0, demonstrations[0]))
     _timed(spent, TabletopSimulation, "step", "physics")
     _timed(spent, TabletopSimulation, "object_boxes", "boxes")
@@ -60,7 +60,7 @@ def _split(folder: Path) -> tuple[dict[str, float], int]:
     _timed(spent, builder, "_join_takes", "joining")
     main, all_threads = time.thread_time(), time.process_time()
     builder.build_dataset(
-        demonstrations, SUITES["clant"], "local/split", folder / "split", recipe={}, **options
+        demonstrations, read_objects("clant"), "local/split", folder / "split", recipe={}, **options
     )
     main, all_threads = time.thread_time() - main, time.process_time() - all_threads
     # All threads but this one encode, and compute the statistics of the pictures.

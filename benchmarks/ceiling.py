@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 from clant_claeo.expert import plan
 from lerobot_owlxt5.backbones.detections import Detections
-from nico_tabletop.objects import SUITES
+from nico_tabletop.objects import read_objects
 from nico_tabletop.placement import OutOfReachError, Pose, draw_poses
 from nico_tabletop.replay import replay
 from nico_tabletop.scoring import Outcome
@@ -70,8 +70,8 @@ def main() -> None:
     """Fit, act, count."""
     scenes = int(sys.argv[1]) if len(sys.argv) > 1 else 720
     seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
-    coefficients = _fit(TabletopSimulation(SUITES["clant"]), seed)
-    simulation = TabletopSimulation(SUITES["claeo"])
+    coefficients = _fit(TabletopSimulation(read_objects("clant")), seed)
+    simulation = TabletopSimulation(read_objects("claeo"))
     choices = arrangements(tuple(simulation.objects))
     counts: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
     for number in tqdm(range(scenes), unit="scene"):

@@ -39,7 +39,7 @@ def _trials(path: Path) -> Iterator[tuple[float, float]]:
     slots = np.array([(pose.x, pose.y) for pose in SLOT_POSES])
     for task in tqdm(tasks, desc=str(path.parent), unit="action"):
         action = ACTIONS[task["task_id"]]
-        env = TabletopEnv(task["task_group"], action.name, placement="free")
+        env = TabletopEnv(action.name, task["task_group"], placement="free")
         for number, reward in enumerate(task["metrics"]["sum_rewards"]):
             _, info = env.reset(seed=FIRST_SEED + number)
             pose = info["poses"][action.slot]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compare every value of a data set with the original release: python benchmarks/exactness.py ROOT [claeo].
+"""Compare every value of a data set with the original release: python benchmarks/exactness.py ROOT [OBJECTS].
 
 Needs the release's folder in OWLXT5_CLANT_DIR. Exit status 1 if any episode differs; the first ten are named.
 """
@@ -54,10 +54,10 @@ def _differences(
 def main() -> None:
     """Compare and report."""
     root = Path(sys.argv[1])
-    suite = sys.argv[2] if len(sys.argv) > 2 else "clant"
+    objects = sys.argv[2] if len(sys.argv) > 2 else "clant"
     due = {
         (demonstration.task, demonstration.arrangement): demonstration
-        for demonstration in from_release(read_release(os.environ["OWLXT5_CLANT_DIR"]), suite)
+        for demonstration in from_release(read_release(os.environ["OWLXT5_CLANT_DIR"]), objects)
     }
     info = json.loads((root / "meta/info.json").read_text())
     splits = {name: range(*map(int, span.split(":"))) for name, span in info["splits"].items()}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often the scripted expert's plan is perfect: python benchmarks/expert.py clant|claeo [scenes [seed]].
+"""How often the scripted expert's plan is perfect: python benchmarks/expert.py [OBJECTS [SCENES [SEED]]].
 
 Acts in so many random free scenes (default 1000), the twelve actions in turn, and once on the slots with each
 action. A plan is made from the objects' poses alone and never tried out before it counts. No rendering.
@@ -15,7 +15,7 @@ from rich.table import Table
 from tqdm import tqdm
 
 from clant_claeo.expert import plan
-from nico_tabletop.objects import SUITES
+from nico_tabletop.objects import read_objects
 from nico_tabletop.placement import SLOT_POSES, OutOfReachError, Poses, draw_poses
 from nico_tabletop.replay import replay
 from nico_tabletop.scoring import Outcome
@@ -37,10 +37,10 @@ def attempt(simulation: TabletopSimulation, action: Action, names: tuple[str, ..
 
 def main() -> None:
     """Draw, plan, act, judge and report."""
-    suite = sys.argv[1] if len(sys.argv) > 1 else "clant"
+    objects = sys.argv[1] if len(sys.argv) > 1 else "clant"
     scenes = int(sys.argv[2]) if len(sys.argv) > 2 else 1000
     seed = int(sys.argv[3]) if len(sys.argv) > 3 else 0
-    simulation = TabletopSimulation(SUITES[suite])
+    simulation = TabletopSimulation(read_objects(objects))
     choices = arrangements(tuple(simulation.objects))
     slots = Counter(attempt(simulation, action, choices[0], SLOT_POSES) for action in ACTIONS)
     free: dict[str, Counter[str]] = defaultdict(Counter)
@@ -52,7 +52,7 @@ def main() -> None:
         free[action.name][attempt(simulation, action, names, poses)] += 1
     seconds = time.perf_counter() - began
 
-    table = Table(title=f"The scripted expert on {suite}, seed {seed}")
+    table = Table(title=f"The scripted expert on {objects}, seed {seed}")
     for heading in ("placement", "action", "scenes", *Outcome, OUT_OF_REACH):
         table.add_column(str(heading), justify="left" if heading in ("placement", "action") else "right")
     total = sum(free.values(), Counter())

@@ -44,7 +44,7 @@ class Shot:
         self, policy: OWLxT5Policy, processors: Any, action: str, arrangement: tuple[str, ...]
     ) -> None:
         before, after = processors
-        env = TabletopEnv("claeo", action)
+        env = TabletopEnv(action, "claeo")
         observation, _ = env.reset(seed=0, options={"arrangement": arrangement})
         self.command = env.task_description
         first = _batch(observation, self.command)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replay every demonstration of the original release: python benchmarks/replay.py clant|claeo.
+"""Replay every demonstration of the original release: python benchmarks/replay.py [OBJECTS].
 
 Needs the release's folder in OWLXT5_CLANT_DIR. Prints the outcomes of all replays and, for each action, how
 far the object moved, in centimetres, and how many degrees off the intended direction.
@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from clant_claeo.demonstrations import from_release
 from clant_claeo.release import read_release
-from nico_tabletop.objects import SUITES
+from nico_tabletop.objects import read_objects
 from nico_tabletop.replay import replay
 from nico_tabletop.scoring import Outcome
 from nico_tabletop.simulation import TabletopSimulation
@@ -25,23 +25,23 @@ from nico_tabletop.simulation import TabletopSimulation
 
 def main() -> None:
     """Replay, judge and report."""
-    suite = sys.argv[1] if len(sys.argv) > 1 else "clant"
+    objects = sys.argv[1] if len(sys.argv) > 1 else "clant"
     release = read_release(os.environ["OWLXT5_CLANT_DIR"])
-    simulation = TabletopSimulation(SUITES[suite])
+    simulation = TabletopSimulation(read_objects(objects))
     outcomes: dict[str, Counter[Outcome]] = defaultdict(Counter)
     motions: dict[str, list[tuple[float, float]]] = defaultdict(list)
     began = time.perf_counter()
-    for demonstration in tqdm(list(from_release(release, suite)), unit="episode"):
+    for demonstration in tqdm(list(from_release(release, objects)), unit="episode"):
         action = demonstration.action
         simulation.reset(demonstration.arrangement)
         start = simulation.object_positions()
         outcomes[action.name][replay(simulation, action, demonstration.joints)] += 1
         motion = (simulation.object_positions() - start)[action.slot, :2]
         distance = float(np.linalg.norm(motion))
-        angle = np.rad2deg(np.arccos(np.clip(motion @ np.array(action.direction) / distance, -1, 1)))
+        angle = np.rad2deg(np.arccos(np.clip(motion @ np.array(action.verb.direction) / distance, -1, 1)))
         motions[action.name].append((100 * distance, float(angle)))
     seconds = time.perf_counter() - began
-    table = Table(title=f"Replays of the release on {suite}")
+    table = Table(title=f"Replays of the release on {objects}")
     for heading in ("action", *Outcome, "cm, least", "cm, most", "degrees, most"):
         table.add_column(str(heading), justify="left" if heading == "action" else "right")
     for name, count in outcomes.items():

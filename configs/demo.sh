@@ -48,7 +48,7 @@ source=${OWLXT5_CLANT_DIR:-scripted}
 data=$out/clant
 
 step "1/3 Data set: $arrangements of 120 arrangements of cubes" dataset \
-    owlxt5-dataset --suite=clant --source="$source" --arrangements=$arrangements --root=$data \
+    owlxt5-dataset --objects=clant --source="$source" --arrangements=$arrangements --root=$data \
     --height=240 --width=320
 # The train split stands at the beginning: "0:36" means episodes 0 to 35.
 train=$(python -c "import json; print(json.load(open('$data/meta/info.json'))['splits']['train'][2:])")
@@ -56,10 +56,10 @@ step "2/3 Training on the $train episodes of the train split" train \
     lerobot-train --config_path=configs/small.yaml --policy.type=owlxt5 --policy.detector=embedded \
     --dataset.root=$data --output_dir=$out/train --steps=$steps \
     --dataset.episodes="[$(seq -s, 0 $((train - 1)))]"
-# Both suites side by side: each evaluation keeps one core busy.
+# Both environments side by side: each evaluation keeps one core busy.
 printf 'clant\nclaeo\n' | step "3/3 Evaluation on cubes and on everyday objects" eval \
-    xargs -P 2 -I SUITE lerobot-eval --policy.path=$out/train/checkpoints/last/pretrained_model --env.type=SUITE \
-    --eval.n_episodes=$episodes --eval.batch_size=1 --output_dir=$out/eval_SUITE --policy.device=cpu
+    xargs -P 2 -I TYPE lerobot-eval --policy.path=$out/train/checkpoints/last/pretrained_model --env.type=TYPE \
+    --eval.n_episodes=$episodes --eval.batch_size=1 --output_dir=$out/eval_TYPE --policy.device=cpu
 
 printf '\n== Results\n'
 python -m nico_tabletop.report $out/eval_clant/eval_info.json $out/eval_claeo/eval_info.json \

@@ -21,13 +21,14 @@ from clant_claeo.builder import BuildError, build_dataset
 from clant_claeo.cli import DatasetConfig, _demonstrations, _shard
 from clant_claeo.demonstrations import Demonstration
 from commands import ENVIRONMENT, run
-from nico_tabletop.objects import SUITES
+from nico_tabletop.objects import read_objects
 from nico_tabletop.placement import SLOT_POSES
 from nico_tabletop.robot import INITIAL_POSE_DEG
 from nico_tabletop.scoring import Outcome
 from nico_tabletop.tasks import find_action
 
-COMMAND = ("owlxt5-dataset", "--suite=claeo", "--arrangements=1", "--shard=1/3", "--height=48", "--width=64")
+SMALL = ("--arrangements=1", "--shard=1/3", "--height=48", "--width=64")
+COMMAND = ("owlxt5-dataset", "--objects=claeo", *SMALL)
 FULL = "Encoder thread for observation.images.eyes failed: [Errno 28] No space left on device: 'x.mp4'"
 
 
@@ -48,7 +49,8 @@ def demonstrations(count: int = 5) -> list[Demonstration]:
     for index in range(count):
         joints = INITIAL_POSE_DEG + random.normal(0, 2, (4 + index, 10)) * (np.arange(4 + index) > 0)[:, None]
         action = find_action(("PUSH-L", "PULL-M", "SLIDE-R-L")[index % 3])
-        words = (f"{action.verb} ball", f"{action.verbs[1]} ball", f"{action.verb} sphere", "roll")
+        verb = action.verb
+        words = (f"{verb.name} ball", f"{verb.synonym} ball", f"{verb.name} sphere", "roll")
         split: takes.Split = "test" if index in (0, 3) else "train"
         names, sentences = ("mug", "ball", "can"), ("Yes.", "Ja.")
         made.append(Demonstration(action, names, SLOT_POSES, joints, words, sentences, split))
@@ -56,8 +58,8 @@ def demonstrations(count: int = 5) -> list[Demonstration]:
 
 
 def build(root: Path, acted: Sequence[Demonstration] = (), **options: Any) -> None:
-    given = {"keep_failures": True, "height": 48, "width": 64, "video": True, "recipe": {"suite": "claeo"}}
-    objects = options.pop("objects", SUITES["claeo"])
+    given = {"keep_failures": True, "height": 48, "width": 64, "video": True, "recipe": {"objects": "claeo"}}
+    objects = options.pop("objects", read_objects("claeo"))
     build_dataset(acted or demonstrations(), objects, "local/x", root, **given | options)
 
 
@@ -111,9 +113,9 @@ def test_a_half_built_folder_is_no_data_set_and_keeps_to_its_recipe(
     unfinished = tmp_path / "data.unfinished"
     with pytest.raises(Exception, match=r"(?i)offline|local/x"):
         LeRobotDataset("local/x", root=unfinished)
-    with pytest.raises(BuildError, match=r"suite was claeo, is now clant.*or delete that folder"):
-        build(tmp_path / "data", recipe={"suite": "clant"})
-    other = tuple(replace(item, scale=0.9) for item in SUITES["claeo"])
+    with pytest.raises(BuildError, match=r"objects was claeo, is now clant.*or delete that folder"):
+        build(tmp_path / "data", recipe={"objects": "clant"})
+    other = tuple(replace(item, scale=0.9) for item in read_objects("claeo"))
     with pytest.raises(BuildError, match="look of the objects was"):
         build(tmp_path / "data", objects=other)
     with (
@@ -218,7 +220,7 @@ def test_a_build_survives_the_death_of_its_processes(tmp_path: Path):
     assert not root.exists()
 
     run(*COMMAND, f"--root={root}", "--workers=1")
-    same = _demonstrations(DatasetConfig(suite="claeo", arrangements=1))
+    same = _demonstrations(DatasetConfig(objects="claeo", arrangements=1))
     build(tmp_path / "unbroken", same, keep_failures=False, shard=(1, 3))
     assert tables(root) == tables(tmp_path / "unbroken")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["data", "unbroken"]

@@ -18,7 +18,7 @@ from clant_claeo.demonstrations import from_release, scripted
 from clant_claeo.release import Release
 from commands import run, run_anyway
 from nico_tabletop.env import NAME_BYTES
-from nico_tabletop.objects import SUITES
+from nico_tabletop.objects import read_objects
 from nico_tabletop.placement import Pose
 from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES
 from nico_tabletop.scoring import Outcome
@@ -31,7 +31,7 @@ SMALL = ("--arrangements=1", "--height=48", "--width=64", "--workers=1")
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
     root = tmp_path_factory.mktemp("data") / "claeo"
-    output = run("owlxt5-dataset", "--suite=claeo", f"--root={root}", *SMALL)
+    output = run("owlxt5-dataset", "--objects=claeo", f"--root={root}", *SMALL)
     assert "12 perfect" in output
     assert str(root) in output.splitlines()[-2]
     assert output.splitlines()[-1].startswith("Next: lerobot-train --policy.type=owlxt5")
@@ -121,11 +121,13 @@ def test_free_placement_gives_every_demonstration_poses_of_its_own():
 
 def test_the_command_places_objects_freely(tmp_path: Path):
     root = tmp_path / "free"
-    free = ("--suite=clant", "--placement=free", "--seed=3", f"--root={root}", *SMALL)
+    free = ("--objects=clant", "--placement=free", "--seed=3", f"--root={root}", *SMALL)
     output = run("owlxt5-dataset", *free)
     dataset = LeRobotDataset("local/clant", root=root, video_backend="pyav")
     assert f"Rejected and not written: {12 - dataset.num_episodes} of 12 demonstrations" in output
     starts = dataset.hf_dataset[list(dataset.meta.episodes["dataset_from_index"])]["observation.objects"]
+    card = (root / "README.md").read_text()
+    assert "pretrained_model --env.type=clant --env.placement=free\n" in card
     boxes = np.stack(starts).reshape(-1, 3, 4 + NAME_BYTES)[:, :, :4]
     assert len(np.unique(boxes[:, 0], axis=0)) == dataset.num_episodes
 
@@ -136,7 +138,7 @@ def test_demonstrations_that_fail_are_not_written(tmp_path: Path):
     fails = replace(good, recorded=np.tile(INITIAL_POSE_DEG, (40, 1)))
     outcomes = build_dataset(
         [unreachable, good, fails],
-        SUITES["clant"],
+        read_objects("clant"),
         "local/clant",
         tmp_path / "data",
         height=48,
@@ -182,7 +184,7 @@ def test_the_release_is_copied_exactly(clant_dir: Path, tmp_path: Path):
 
 
 def test_claeo_keeps_the_releases_trajectories(clant_release: Release):
-    cubes, novel = (list(from_release(clant_release, suite)) for suite in ("clant", "claeo"))
+    cubes, novel = (list(from_release(clant_release, objects)) for objects in ("clant", "claeo"))
     assert all(one.joints is other.joints for one, other in zip(cubes, novel, strict=True))
     stand_in = {
         cube: thing
@@ -211,7 +213,7 @@ def test_a_bad_release_gives_one_error_and_no_data_set(tmp_path: Path, line: int
 
 def test_an_existing_folder_is_left_alone(built: LeRobotDataset):
     before = sorted(built.root.rglob("*"))
-    done = run_anyway("owlxt5-dataset", "--suite=claeo", f"--root={built.root}", *SMALL)
+    done = run_anyway("owlxt5-dataset", "--objects=claeo", f"--root={built.root}", *SMALL)
     assert done.returncode == 1
     assert "exists already" in done.stdout.splitlines()[-1]
     assert sorted(built.root.rglob("*")) == before

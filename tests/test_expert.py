@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from nico_tabletop.objects import SUITES
+from nico_tabletop.objects import read_objects
 from nico_tabletop.placement import SLOT_POSES, OutOfReachError, Pose, Poses, draw_poses
 from nico_tabletop.replay import replay
 from nico_tabletop.robot import INITIAL_POSE_DEG, joint_limits_deg
 from nico_tabletop.scoring import Outcome
 from nico_tabletop.simulation import CONTROL_HZ, TabletopSimulation
-from nico_tabletop.tasks import ACTIONS, SLOTS, Action, find_action
+from nico_tabletop.tasks import ACTIONS, SLOTS, VERBS, Action, find_action
 
 pytest.importorskip("mink", reason="the scripted expert needs the extra `scripted`")
-from clant_claeo.expert import plan
+from clant_claeo.expert import GRIPS, plan
 
 ARMS = {"right": slice(0, 5), "left": slice(5, 10)}
 
 
 @pytest.fixture(scope="module")
 def simulation() -> TabletopSimulation:
-    return TabletopSimulation(SUITES["clant"])
+    return TabletopSimulation(read_objects("clant"))
 
 
 def free_poses(number: int) -> Poses:
@@ -41,6 +41,10 @@ def act(simulation: TabletopSimulation, action: Action, poses: Poses) -> Outcome
     """Outcome of a plan with the three objects at `poses`."""
     simulation.reset(tuple(simulation.objects)[: len(SLOTS)], poses)
     return replay(simulation, action, plan(action, poses))
+
+
+def test_every_verb_has_a_grip_for_each_arm_and_no_grip_is_left_over() -> None:
+    assert {verb: set(grips) for verb, grips in GRIPS.items()} == {verb.name: set(ARMS) for verb in VERBS}
 
 
 @pytest.mark.parametrize("action", ACTIONS, ids=lambda action: action.name)

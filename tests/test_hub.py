@@ -17,7 +17,7 @@ from clant_claeo.card import Build, write_card
 from commands import run, run_anyway
 from hub_server import TOKEN, HubServer, Repository
 
-SMALL = ("--suite=claeo", "--arrangements=1", "--height=48", "--width=64")
+SMALL = ("--objects=claeo", "--arrangements=1", "--height=48", "--width=64")
 PUSH = ("--push_to_hub=true", "--repo_id=me/claeo")
 
 
@@ -137,7 +137,7 @@ def test_an_interrupted_upload_is_repeated(root: Path, hub: HubServer, online: d
         (
             ("--height=64",),
             {},
-            "holds what another command made: owlxt5-dataset --suite=claeo --arrangements=1",
+            "holds what another command made: owlxt5-dataset --objects=claeo --arrangements=1",
         ),
         ((), {"HF_ENDPOINT": "http://127.0.0.1:9"}, "me/claeo was not uploaded ("),
         ((), {"HF_HUB_OFFLINE": "1"}, "HF_HUB_OFFLINE"),
@@ -174,7 +174,7 @@ def test_the_card_tells_a_person_what_it_is(root: Path):
     assert card.data.license == "apache-2.0"
     for text in ("Simulated", "12 episodes", "train | 0 to 8", "test | 9 to 11", "seed, 0 unless"):
         assert text in card.text
-    assert "owlxt5-dataset --suite=claeo --arrangements=1 --height=48 --width=64\n" in card.text
+    assert "owlxt5-dataset --objects=claeo --arrangements=1 --height=48 --width=64\n" in card.text
     assert str(root.parent) not in card.text
     assert "Quirks of the release" not in card.text
     for column in json.loads((root / "meta" / "info.json").read_text())["features"]:
@@ -185,9 +185,8 @@ def test_the_card_tells_a_person_what_it_is(root: Path):
 
 
 def test_the_card_never_licenses_the_releases_data(root: Path):
-    write_card(
-        root, "me/claeo", Build("claeo", "claeo", True, "owlxt5-dataset --suite=claeo --source=path/to/CLANT")
-    )
+    command = "owlxt5-dataset --objects=claeo --source=path/to/CLANT"
+    write_card(root, "me/claeo", Build("claeo", "slots", True, command))
     card = DatasetCard.load(root / "README.md")
     assert card.data.license == "other"
     assert card.data.license_name == "not-stated-by-its-authors"
@@ -198,7 +197,7 @@ def test_the_card_never_licenses_the_releases_data(root: Path):
 def test_what_is_made_from_the_release_is_private(
     clant_dir: Path, hub: HubServer, online: dict[str, str], tmp_path: Path
 ):
-    options = ("--suite=clant", f"--source={clant_dir}", "--arrangements=1", "--height=48", "--width=64")
+    options = ("--objects=clant", f"--source={clant_dir}", "--arrangements=1", "--height=48", "--width=64")
     output = run(
         "owlxt5-dataset",
         *options,

@@ -2,6 +2,7 @@
 """Sets of objects: those that are shipped, those of a user, and what is wrong with a file."""
 
 import copy
+import json
 import re
 from itertools import pairwise
 from pathlib import Path
@@ -143,7 +144,7 @@ def test_the_shape_changes_nothing_but_the_looks():
 
 
 def test_the_documented_file_works_in_the_environment(toys: Path):
-    env = TabletopEnv("claeo", "PULL-M", height=48, width=64, objects=str(toys))
+    env = TabletopEnv("PULL-M", str(toys), height=48, width=64)
     observation, _ = env.reset(options={"arrangement": ("basket", "rubber duck", "traffic cone")})
     assert env.task_description == "pull rubber duck"
     x0, y0, x1, y1 = observation["objects"].reshape(3, -1)[1, :4] * [64, 48, 64, 48]
@@ -301,14 +302,49 @@ def test_larger_and_smaller_sets_are_demonstrated(toys: Path):
     assert len(list(scripted(str(toys)))) == 12 * 6
 
 
-def test_a_release_takes_six_other_objects_for_claeo_only(clant_release: Release):
-    household = read_objects("household")
-    novel = list(from_release(clant_release, "claeo", household[:6]))
-    assert {name for one in novel for name in one.arrangement} == {item.name for item in household[:6]}
+def test_six_objects_of_a_user_take_the_places_of_the_cubes(clant_release: Release, tmp_path: Path):
+    document = plain()
+    document["objects"] += [
+        item | {"name": f"{item['name']} two", "synonyms": [f"second {item['name']}"]}
+        for item in document["objects"]
+    ]
+    read(document, tmp_path)
+    first = next(from_release(clant_release, str(tmp_path / "set.yaml")))
+    cubes = next(from_release(clant_release))
+    stand_ins = {
+        cube.name: item["name"] for cube, item in zip(read_objects("clant"), document["objects"], strict=True)
+    }
+    assert first.arrangement == tuple(stand_ins[name] for name in cubes.arrangement)
+    assert first.task == f"push {first.arrangement[0]}"
+    assert first.joints is cubes.joints
     with pytest.raises(ValueError, match=r"6 objects, this set 19; .*--source=scripted"):
-        list(from_release(clant_release, "claeo", household))
-    with pytest.raises(ValueError, match=r"--suite=claeo"):
-        list(from_release(clant_release, "clant", household[:6]))
+        next(from_release(clant_release, "household"))
+
+
+def test_importing_the_environments_reads_no_objects_and_builds_no_model():
+    code = """if True:
+        import sys
+        from pathlib import Path
+        import mujoco
+
+        def fail(*args, **kwargs):
+            raise AssertionError("a model was compiled")
+
+        mujoco.MjModel.from_xml_string = mujoco.MjModel.from_xml_path = fail
+        opened = []
+        sys.addaudithook(lambda event, args: opened.append(str(args[0])) if event == "open" else None)
+        import nico_tabletop.configuration as configuration
+        folder = str(Path(configuration.__file__).parent)
+        read = [path for path in opened if path.startswith(folder) and not path.endswith((".py", ".pyc"))]
+        print("read:", [path for path in read if "__pycache__" not in path])
+        try:  # and now both are noticed
+            configuration.read_objects("clant")
+        except AssertionError as error:
+            print(error)
+        print("then:", [Path(path).name for path in opened if path.endswith(".yaml")][-1])
+    """
+    lines = run("python", "-c", code).splitlines()
+    assert lines[-3:] == ["read: []", "a model was compiled", "then: clant.yaml"]
 
 
 def test_the_builder_takes_a_users_objects(toys: Path, tmp_path: Path):
@@ -316,6 +352,13 @@ def test_the_builder_takes_a_users_objects(toys: Path, tmp_path: Path):
     small = ("--arrangements=1", "--height=48", "--width=64", "--workers=1")
     output = run("owlxt5-dataset", f"--objects={toys}", f"--root={root}", *small)
     assert "of the scripted expert on toys" in output
+    build = json.loads((root / "meta" / "build.json").read_text())
+    assert (build["objects"], build["placement"]) == ("path/to/toys.yaml", "slots")
+    card = (root / "README.md").read_text()
+    assert "# TOYS: language and action" in card
+    assert "owlxt5-dataset --objects=path/to/toys.yaml --arrangements=1" in card
+    assert "pretrained_model --env.type=clant --env.objects=path/to/toys.yaml\n" in card
+    assert str(toys.parent) not in card
     dataset = LeRobotDataset("local/toys", root=root, video_backend="pyav")
     assert {task.split(" ", 1)[1] for task in dataset.meta.tasks.index} == {
         item.name for item in read_objects(toys)

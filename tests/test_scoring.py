@@ -47,7 +47,7 @@ def test_another_object_that_moves_is_a_failure():
 )
 def test_the_outcome_depends_on_distance_and_angle_alone(action, distance: float, angle: float):
     turn = np.deg2rad(angle)
-    x, y = action.direction
+    x, y = action.verb.direction
     dx, dy = (
         distance * (x * np.cos(turn) - y * np.sin(turn)),
         distance * (x * np.sin(turn) + y * np.cos(turn)),

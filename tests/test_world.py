@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 import subprocess
 import sys
+import tomllib
 from functools import partial
+from pathlib import Path
 
 import gymnasium as gym
 import mujoco
@@ -9,28 +11,31 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from nico_tabletop.env import EPISODE_STEPS, NAME_BYTES, TabletopEnv
-from nico_tabletop.objects import SUITES
+from nico_tabletop.env import NAME_BYTES, TabletopEnv
+from nico_tabletop.nico_mjcf import nico_mjcf
+from nico_tabletop.objects import read_objects
 from nico_tabletop.replay import replay
-from nico_tabletop.robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
+from nico_tabletop.robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, NICO_XML, joint_limits_deg
+from nico_tabletop.scene import SCENE_XML, SPECTATOR, TABLE_HEIGHT
 from nico_tabletop.simulation import JointTargetError, TabletopSimulation
-from nico_tabletop.tasks import find_action
+from nico_tabletop.tasks import EPISODE_STEPS, find_action
 
 CUBES = ("red", "green", "blue")
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
 def cubes() -> TabletopSimulation:
-    return TabletopSimulation(SUITES["clant"])
+    return TabletopSimulation(read_objects("clant"))
 
 
-def test_replaying_the_original_trajectories_is_perfect_on_both_suites(clant_release):
-    for suite, objects in SUITES.items():
-        simulation = TabletopSimulation(objects)
+def test_replaying_the_original_trajectories_is_perfect_with_both_sets(clant_release):
+    for objects in ("clant", "claeo"):
+        simulation = TabletopSimulation(read_objects(objects))
         names = tuple(simulation.objects)[:3]
         for action, sample in {sample.action: sample for sample in clant_release.samples}.items():
             simulation.reset(names)
-            assert replay(simulation, find_action(action), sample.joints) == "perfect", (suite, action)
+            assert replay(simulation, find_action(action), sample.joints) == "perfect", (objects, action)
 
 
 def test_the_same_calls_give_the_same_numbers_bit_for_bit(cubes: TabletopSimulation):
@@ -64,15 +69,38 @@ def test_a_target_that_is_not_finite_names_the_joint(cubes: TabletopSimulation, 
         cubes.step(target)
 
 
+def test_the_file_of_the_robot_is_what_its_kinematics_give():
+    assert NICO_XML.read_text(encoding="utf-8") == nico_mjcf()
+
+
+def test_mujoco_opens_the_scene_by_itself():
+    model = mujoco.MjModel.from_xml_path(str(SCENE_XML))
+    assert tuple(model.actuator(index).name for index in range(model.nu)) == JOINT_NAMES
+    assert {model.camera(index).name for index in range(model.ncam)} == {EYES, SPECTATOR}
+    assert model.nq == len(JOINT_NAMES), "nothing but the arms moves"
+    np.testing.assert_allclose(np.rad2deg(model.jnt_range), joint_limits_deg(), rtol=1e-12)
+    table = model.geom("table")
+    assert table.pos[2] + table.size[2] == pytest.approx(TABLE_HEIGHT, abs=1e-9)
+
+
+def test_every_file_of_the_world_is_shipped():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    folder = ROOT / settings["package-dir"]["nico_tabletop"]
+    shipped = {file for pattern in settings["package-data"]["nico_tabletop"] for file in folder.glob(pattern)}
+    files = {file for file in folder.rglob("*.*") if file.suffix not in (".py", ".pyc")}
+    assert files == shipped
+    assert {NICO_XML, SCENE_XML} <= shipped
+
+
 def test_an_arrangement_of_unknown_or_repeated_objects_is_refused(cubes: TabletopSimulation):
     for arrangement in [("red", "red", "blue"), ("red", "green"), ("red", "green", "teapot")]:
         with pytest.raises(ValueError, match="three different objects"):
             cubes.reset(arrangement)
 
 
-@pytest.mark.parametrize("suite", SUITES)
-def test_projected_and_segmented_boxes_agree(suite: str):
-    simulation = TabletopSimulation(SUITES[suite])
+@pytest.mark.parametrize("objects", ["clant", "claeo"])
+def test_projected_and_segmented_boxes_agree(objects: str):
+    simulation = TabletopSimulation(read_objects(objects))
     height, width = 240, 320
     size = np.array([width, height, width, height])
     for names in (tuple(simulation.objects)[:3], tuple(simulation.objects)[3:]):
@@ -96,16 +124,39 @@ def test_an_object_that_is_not_seen_has_no_segmented_box(cubes: TabletopSimulati
     assert (boxes[1:] > 0).all()
 
 
-@pytest.mark.filterwarnings("ignore:.*(symmetric and normalized|alternative render modes)")
-@pytest.mark.parametrize("suite", SUITES)
-def test_the_environment_passes_gymnasiums_checker(suite: str):
-    env = TabletopEnv(suite, "PULL-R", height=48, width=64)
-    check_env(env)
+# Actions are joint targets in degrees, as the robot and the datasets have them.
+@pytest.mark.filterwarnings("error", "ignore:.*symmetric and normalized")
+@pytest.mark.parametrize("name", ["nico_tabletop/Clant-v0", "nico_tabletop/Claeo-v0"])
+def test_the_registered_environments_pass_gymnasiums_checker(name: str):
+    env = gym.make(name, action="PULL-R", height=48, width=64)
+    check_env(env.unwrapped)
     env.close()
 
 
+def test_another_render_mode_is_refused():
+    with pytest.raises(ValueError, match="render_mode must be rgb_array; got 'ansi'"):
+        TabletopEnv("PUSH-L", render_mode="ansi")
+
+
+def test_gymnasium_makes_the_environments_without_lerobot():
+    code = """if True:
+        import sys
+        import gymnasium
+        import nico_tabletop
+
+        for objects in ("Clant", "Claeo"):
+            env = gymnasium.make(f"nico_tabletop/{objects}-v0", action="PUSH-L", height=48, width=64)
+            assert isinstance(env.unwrapped, nico_tabletop.TabletopEnv)
+            env.reset(seed=0)
+            print(env.unwrapped.task_description, gymnasium.spec(env.spec.id).to_json() != "")
+        print("lerobot" in sys.modules)
+    """
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ["push yellow True", "push empty wine bottle True", "False"]
+
+
 def test_an_episode_ends_with_its_outcome_and_names_its_task():
-    env = TabletopEnv("claeo", "SLIDE-M-R", height=48, width=64)
+    env = TabletopEnv("SLIDE-M-R", "claeo", height=48, width=64)
     observation, info = env.reset(options={"arrangement": ("can", "ball", "mug")})
     assert (env.task, env.task_description) == ("SLIDE-M-R", "slide-to-right ball")
     assert info["arrangement"] == ("can", "ball", "mug")
@@ -120,7 +171,7 @@ def test_an_episode_ends_with_its_outcome_and_names_its_task():
 
 
 def test_a_seed_draws_the_same_scene_and_seeds_differ():
-    env = TabletopEnv("clant", "PUSH-L", height=48, width=64)
+    env = TabletopEnv("PUSH-L", "clant", height=48, width=64)
     drawn = [env.reset(seed=seed)[1]["arrangement"] for seed in [*range(8), *range(8)]]
     assert drawn[:8] == drawn[8:]
     assert len(set(drawn[:8])) > 4
@@ -128,7 +179,7 @@ def test_a_seed_draws_the_same_scene_and_seeds_differ():
 
 
 def test_vector_environments_agree():
-    makers = [partial(TabletopEnv, "clant", "PUSH-R", height=48, width=64)] * 2
+    makers = [partial(TabletopEnv, "PUSH-R", height=48, width=64)] * 2
     results = []
     for envs in (gym.vector.SyncVectorEnv(makers), gym.vector.AsyncVectorEnv(makers, context="forkserver")):
         observation, _ = envs.reset(seed=[3, 4])

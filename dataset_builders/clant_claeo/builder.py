@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Builds a LeRobotDataset out of demonstrations: takes in parallel processes, then one data set of them all.
+"""Builds a LeRobotDataset out of demonstrations: takes in parallel processes, then one dataset of them all.
 
-Everything unfinished stands in `<root>.unfinished`, which is no data set to LeRobot:
+Everything unfinished stands in `<root>.unfinished`, which is no dataset to LeRobot:
 
     recipe.json         what is being built; another build does not mix with it
     takes/00012/        one complete take each, see `takes`
-    joined/             data sets joined so far; made again after an interruption
+    joined/             datasets joined so far; made again after an interruption
 """
 
 import contextlib
@@ -45,7 +45,7 @@ EXTENDED_STYLES.update(_OWN_STYLES)
 PERSISTENT_STYLES.update(_OWN_STYLES)
 
 _JOINED_AT_ONCE = 12
-"""With each data set that it appends, LeRobot rewrites all before; so many are joined in rounds."""
+"""With each dataset that it appends, LeRobot rewrites all before; so many are joined in rounds."""
 
 
 class BuildError(RuntimeError):
@@ -75,17 +75,17 @@ def build_dataset(
     Args:
         demonstrations: What to replay; at least one.
         objects: What the world has; at least what the demonstrations name.
-        repo_id: The data set's name on the Hub, such as `me/clant`.
+        repo_id: The dataset's name on the Hub, such as `me/clant`.
         root: Folder to make.
-        height: Rows of the pictures.
-        width: Columns of the pictures.
+        height: Rows of the images.
+        width: Columns of the images.
         video: Store frames as video; as single images otherwise.
         keep_failures: Also write episodes whose replay fails.
         recipe: What tells this build from others, JSON values; a build goes on only with the same.
         shard: (i, n): the i-th, counted from 1, of n parts of the episodes. Joined in their order, the
             parts are the whole: test episodes still come last.
         workers: Parallel processes.
-        finish: Called with the folder of the data set before it is moved, to add its card.
+        finish: Called with the folder of the dataset before it is moved, to add its card.
 
     Returns:
         How many replays had which outcome.
@@ -157,7 +157,7 @@ def _make_takes(studio: Studio, demonstrations: Sequence[Demonstration], crew: W
 
 
 def _join_takes(takes: Sequence[Take], repo_id: str, folder: Path, crew: Workers) -> Path:
-    """One data set of all takes, with language, splits and statistics; its folder."""
+    """One dataset of all takes, with language, splits and statistics; its folder."""
     kept = [take for take in takes if take.dataset is not None]
     if not kept:
         raise BuildError("no demonstration succeeded, so there is nothing to write")

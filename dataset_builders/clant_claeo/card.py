@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The data set card: what lies in the folder, told to a person, with a picture made from its frames."""
+"""The dataset card: what lies in the folder, told to a person, with an image made from its frames."""
 
 import json
+import shlex
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -23,12 +24,12 @@ _TEMPLATE = Path(__file__).with_name("card_template.md")
 _RELEASE_PAGE = "https://github.com/samsoneko/CrossT5"
 _RECORD = Path("meta/build.json")
 _PREVIEW = "preview.jpg"
-_PREVIEW_WIDTH = 240  # pixels, of one frame in the picture
+_PREVIEW_WIDTH = 240  # pixels, of one frame in the image
 _PREVIEW_FRAMES = 4  # of an episode
 _PREVIEW_GAP = 4  # pixels
 
 _TEXTS = {
-    f"{OBS_IMAGES}.{EYES}": "picture between the eyes",
+    f"{OBS_IMAGES}.{EYES}": "image between the eyes",
     OBS_STATE: "joint angles in degrees, row t of the trajectory",
     ACTION: "joint targets in degrees, row t + 1; the last row is held once",
     OBJECTS: "**ground truth**: for the objects on the left, middle and right slot the box x0, y0, x1, y1 as "
@@ -36,7 +37,7 @@ _TEXTS = {
     "timestamp": "seconds since the episode's start",
     "frame_index": "number of the frame in its episode",
     "episode_index": "number of the episode",
-    "index": "number of the frame in the data set",
+    "index": "number of the frame in the dataset",
     "task_index": "number of the task; LeRobot returns its text as `task`, such as `slide-to-left red`",
     LANGUAGE_PERSISTENT: "LeRobot's language column, see below",
     LANGUAGE_EVENTS: "LeRobot's other language column; empty",
@@ -45,34 +46,50 @@ _TEXTS = {
 
 @dataclass(frozen=True)
 class Build:
-    """How a data set was made; stored with it, so that its card can be written again under another name.
+    """How a dataset was made; stored with it, so that its card can be written again under another name.
 
     Attributes:
-        suite: `clant` or `claeo`.
-        name: The suite, or the name of another set of objects.
+        objects: What its episodes show: name of a shipped set, or a YAML file with `path/to` for its folders.
+        placement: Where its objects stand, `slots` or `free`.
         release: Made from the original release, which states no licence; from a script of our own otherwise.
         command: The command that makes it, without any path of the machine that it ran on.
         versions: The packages that made it, such as `mujoco 4.0.0`.
     """
 
-    suite: str
-    name: str
+    objects: str
+    placement: str
     release: bool
     command: str
     versions: str = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
 
+    @property
+    def name(self) -> str:
+        """What the dataset is called: by its objects."""
+        return Path(self.objects).stem
+
+    @property
+    def environment(self) -> str:
+        """Options of `lerobot-eval` for an environment with the same objects in the same places."""
+        own_type = self.objects in ("clant", "claeo")
+        options = [f"--env.type={self.objects if own_type else 'clant'}"]
+        if not own_type:
+            options.append(f"--env.objects={self.objects}")
+        if self.placement != "slots":
+            options.append(f"--env.placement={self.placement}")
+        return shlex.join(options)
+
 
 def read_build(root: Path) -> Build | None:
-    """How the data set in `root` was made; None if nothing there tells."""
+    """How the dataset in `root` was made; None if nothing there tells."""
     record = root / _RECORD
     return Build(**json.loads(record.read_text())) if record.exists() else None
 
 
 def write_card(root: Path, repo_id: str, build: Build) -> None:
-    """Write `README.md`, its picture and the record of the build into a complete data set.
+    """Write `README.md`, its image and the record of the build into a complete dataset.
 
     Args:
-        root: The data set's folder.
+        root: The dataset's folder.
         repo_id: Its name on the Hub, which the card's examples load.
         build: How it was made.
     """
@@ -99,7 +116,8 @@ def write_card(root: Path, repo_id: str, build: Build) -> None:
         template_path=str(_TEMPLATE),
         title=build.name.upper(),
         repo_id=repo_id,
-        suite=build.suite,
+        stand_ins=build.objects != "clant",
+        environment=build.environment,
         release=build.release,
         command=build.command,
         versions=build.versions,
@@ -146,7 +164,7 @@ def _preview(dataset: LeRobotDataset, episodes: list[int]) -> Image.Image:
         length = dataset.meta.episodes[index]["length"]
         for column, step in enumerate(np.linspace(0, length - 1, _PREVIEW_FRAMES).round().astype(int)):
             frame = dataset[int(start + step)][f"{OBS_IMAGES}.{EYES}"]
-            picture = Image.fromarray((frame.permute(1, 2, 0).numpy() * 255).round().astype(np.uint8))
-            strip.paste(picture.resize(size, Image.Resampling.LANCZOS), (column * step_x, row * step_y))
+            image = Image.fromarray((frame.permute(1, 2, 0).numpy() * 255).round().astype(np.uint8))
+            strip.paste(image.resize(size, Image.Resampling.LANCZOS), (column * step_x, row * step_y))
         start += length
     return strip

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`owlxt5-dataset`: make CLANT or CLAEO as a LeRobotDataset."""
+"""`owlxt5-dataset`: make CLANT, CLAEO, or the like with other objects, as a LeRobotDataset."""
 
 import os
 import shlex
@@ -11,7 +11,7 @@ import draccus
 from lerobot.utils.constants import HF_LEROBOT_HOME
 from rich.console import Console
 
-from nico_tabletop.objects import SUITES, read_objects
+from nico_tabletop.objects import read_objects
 from nico_tabletop.scoring import Outcome
 
 from .builder import BuildError, build_dataset
@@ -26,28 +26,26 @@ from .workers import quiet, usable_cores
 class DatasetConfig:
     """Make CLANT (coloured cubes) or CLAEO (everyday objects) as a LeRobotDataset with camera frames."""
 
-    # `clant` or `claeo`.
-    suite: str = "clant"
+    # Objects on the table: a shipped set (`clant`, `claeo`, `household`) or a YAML file.
+    objects: str = "clant"
     # The folder CLANT of the original release, or `scripted` for the built-in expert (needs no download).
     source: str = "scripted"
-    # Set of objects: a shipped one (`clant`, `claeo`, `household`) or a YAML file; unset: the suite's own.
-    objects: str | None = None
     # Where the scripted expert's objects stand: `slots`, or `free`: anywhere in reach, at any yaw.
     placement: str = "slots"
     # Seed of the free placement.
     seed: int = 0
-    # Name on the Hub; `local/<suite>` when unset, or `local/<set of objects>`.
+    # Name on the Hub; `local/<objects>` when unset.
     repo_id: str | None = None
     # Folder to make; LeRobot's own place for `repo_id` when unset.
     root: Path | None = None
     # Take only so many of the 120 arrangements, spread over all objects, with all twelve actions each.
     arrangements: int | None = None
-    # Rows and columns of the pictures.
+    # Rows and columns of the images.
     height: int = 480
     width: int = 640
     # Store frames as video (small); false: as single images (faster to read at random).
     video: bool = True
-    # `i/n`: build only the i-th of n parts of the episodes, a data set of its own.
+    # `i/n`: build only the i-th of n parts of the episodes, a dataset of its own.
     shard: str | None = None
     # Parallel processes; as many as there are usable cores when unset.
     workers: int | None = None
@@ -57,38 +55,35 @@ class DatasetConfig:
     private: bool | None = None
 
     @property
-    def name(self) -> str:
-        """What the data set is called: by its suite, or by the other objects that it has."""
-        return Path(self.objects or self.suite).stem
+    def shown_objects(self) -> str:
+        """The objects as a dataset's readers may see them: of a path in other folders the last part alone."""
+        return f"path/to/{Path(self.objects).name}" if os.sep in self.objects else self.objects
 
 
-# Options that say where a data set goes and how fast it gets there, not what is in it.
+# Options that say where a dataset goes and how fast it gets there, not what is in it.
 _WITHOUT_EFFECT = {"repo_id", "root", "workers", "push_to_hub", "private"}
 
 
 def _command(config: DatasetConfig) -> str:
-    """The command that makes the same data set elsewhere; of a path it has the name alone."""
-    words = ["owlxt5-dataset", f"--suite={config.suite}"]
+    """The command that makes the same dataset elsewhere; of a path it has the name alone."""
+    words = ["owlxt5-dataset", f"--objects={config.shown_objects}"]
     for field in fields(config):
         value = getattr(config, field.name)
-        if field.name in _WITHOUT_EFFECT | {"suite"} or value == field.default:
+        if field.name in _WITHOUT_EFFECT | {"objects"} or value == field.default:
             continue
         if field.name == "source":
             value = "path/to/CLANT"
-        elif field.name == "objects" and os.sep in value:
-            value = f"path/to/{Path(value).name}"
         words.append(f"--{field.name}={str(value).lower() if isinstance(value, bool) else value}")
     return shlex.join(words)
 
 
 def _demonstrations(config: DatasetConfig) -> list[Demonstration]:
     if config.source == "scripted":
-        found = list(scripted(config.objects or config.suite, config.placement, config.seed))
+        found = list(scripted(config.objects, config.placement, config.seed))
     elif config.placement != "slots":
         raise ValueError("the release's trajectories fit its slots: --placement=free needs --source=scripted")
     else:
-        objects = read_objects(config.objects) if config.objects else None
-        found = list(from_release(read_release(config.source), config.suite, objects))
+        found = list(from_release(read_release(config.source), config.objects))
     if config.arrangements is None:
         return found
     known = list(dict.fromkeys(demonstration.arrangement for demonstration in found))
@@ -116,12 +111,12 @@ def _build(config: DatasetConfig, repo_id: str, root: Path, record: Build, conso
     shard = _shard(config.shard)
     demonstrations = _demonstrations(config)
     if config.push_to_hub:
-        _prepare_push(config, repo_id)
+        _prepare_push(config, record, repo_id)
     kind = "the original release" if record.release else "the scripted expert"
-    console.print(f"{len(demonstrations)} demonstrations of {kind} on {config.name}")
+    console.print(f"{len(demonstrations)} demonstrations of {kind} on {record.name}")
     outcomes = build_dataset(
         demonstrations,
-        read_objects(config.objects or config.suite),
+        read_objects(config.objects),
         repo_id,
         root,
         height=config.height,
@@ -140,10 +135,10 @@ def _build(config: DatasetConfig, repo_id: str, root: Path, record: Build, conso
         console.print(f"Rejected and not written: {rejected} of {outcomes.total()} demonstrations")
 
 
-def _prepare_push(config: DatasetConfig, repo_id: str) -> None:
-    """Fail before hours of building and not after them, if the Hub will not take the data set."""
+def _prepare_push(config: DatasetConfig, record: Build, repo_id: str) -> None:
+    """Fail before hours of building and not after them, if the Hub will not take the dataset."""
     if "/" not in repo_id or config.repo_id is None:
-        raise ValueError(f"--push_to_hub=true needs --repo_id=<your name on the Hub>/{config.name}")
+        raise ValueError(f"--push_to_hub=true needs --repo_id=<your name on the Hub>/{record.name}")
     create_repository(repo_id, private=_private(config))
 
 
@@ -154,18 +149,16 @@ def _private(config: DatasetConfig) -> bool:
 @draccus.wrap()
 def _make(config: DatasetConfig) -> None:
     console = Console()
-    if config.suite not in SUITES:
-        raise ValueError(f"--suite must be one of {', '.join(SUITES)}; got {config.suite!r}")
-    repo_id = config.repo_id or f"local/{config.name}"
+    record = Build(config.shown_objects, config.placement, config.source != "scripted", _command(config))
+    repo_id = config.repo_id or f"local/{record.name}"
     root = config.root or HF_LEROBOT_HOME / repo_id
-    record = Build(config.suite, config.name, config.source != "scripted", _command(config))
     built = read_build(root)
     if built is None or not config.push_to_hub:
         _build(config, repo_id, root, record, console)
     elif built.command == record.command:
-        _prepare_push(config, repo_id)
+        _prepare_push(config, record, repo_id)
         write_card(root, repo_id, built)
-        console.print("The data set is there already and is not built again")
+        console.print("The dataset is there already and is not built again")
     else:
         raise FileExistsError(
             f"{root} holds what another command made: {built.command}. Choose another --root"
@@ -175,7 +168,7 @@ def _make(config: DatasetConfig) -> None:
         if record.release:
             visible = "It is private" if _private(config) else "Be sure that you may share it"
             console.print(f"{visible}: the release states no licence for its data (--private)")
-    console.print(f"Data set: {root}", soft_wrap=True)
+    console.print(f"Dataset: {root}", soft_wrap=True)
     command = f"lerobot-train --policy.type=owlxt5 --policy.push_to_hub=false --dataset.repo_id={repo_id}"
     console.print(f"Next: {command} --dataset.root={root}", soft_wrap=True)
 

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is demonstrated: action, objects, joint trajectory and language, from the release or from a script."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_tabletop.objects import SUITES, TabletopObject, read_objects
+from nico_tabletop.objects import read_objects
 from nico_tabletop.placement import SLOT_POSES, Poses, find_placement
 from nico_tabletop.tasks import ACTIONS, Action, arrangements, find_action
 
@@ -63,29 +63,21 @@ class Demonstration:
         return _planned(self.action, self.poses) if self.recorded is None else self.recorded
 
 
-def from_release(
-    release: Release, suite: str, objects: Sequence[TabletopObject] | None = None
-) -> Iterator[Demonstration]:
+def from_release(release: Release, objects: str = "clant") -> Iterator[Demonstration]:
     """The release's demonstrations, in its order.
 
-    For `claeo` the everyday objects take the places of the cubes, colour by colour in alphabetical order; the
+    Objects other than `clant`'s take the places of the cubes, colour by colour in alphabetical order; the
     trajectories, the translations and the split stay those of the release (our decision).
 
     Args:
         release: The original release.
-        suite: `clant` or `claeo`.
-        objects: Six others in place of CLAEO's.
+        objects: Name of a shipped set, such as `claeo`, or path of a YAML file; it has six objects.
 
     Raises:
-        ValueError: If others shall stand in for CLANT's cubes, or if they are not six.
+        ValueError: If the objects cannot be used or are not six.
     """
-    if objects is not None and suite == "clant":
-        raise ValueError(
-            "the release's own commands name the cubes; other objects take their places with --suite=claeo "
-            "or with --source=scripted"
-        )
-    items = {item.name: item for item in (SUITES[suite] if objects is None else objects)}
-    cubes = [item.name for item in SUITES["clant"]]
+    items = {item.name: item for item in read_objects(objects)}
+    cubes = [item.name for item in read_objects("clant")]
     if len(items) != len(cubes):
         raise ValueError(
             f"the release has {len(cubes)} objects, this set {len(items)}; a set of any size goes with "
@@ -94,9 +86,9 @@ def from_release(
     stand_in = dict(zip(cubes, items, strict=True))
     for sample in release.samples:
         action = find_action(sample.action)
-        left, middle, right = (name if suite == "clant" else stand_in[name] for name in sample.arrangement)
+        left, middle, right = (stand_in[name] for name in sample.arrangement)
         arrangement = (left, middle, right)
-        words = sample.texts if suite == "clant" else wordings(action, items[arrangement[action.slot]])
+        words = sample.texts if objects == "clant" else wordings(action, items[arrangement[action.slot]])
         translation = (sample.english, sample.german)
         yield Demonstration(action, arrangement, SLOT_POSES, sample.joints, words, translation, sample.split)
 
@@ -117,7 +109,7 @@ def scripted(objects: str, placement: str = "slots", seed: int = 0) -> Iterator[
     six have fewer (our decision).
 
     Placement `free` (see `nico_tabletop.placement`) gives the k-th demonstration poses of its own, drawn from
-    `numpy.random.default_rng((seed, k))`: the same ones for every suite.
+    `numpy.random.default_rng((seed, k))`: the same ones for all objects.
 
     Each action has 30 test episodes, as in the release: those whose arrangement's and action's numbers add up
     to a multiple of four (our decision).

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_tabletop.objects import CUBE_HALF_WIDTH, SUITES
+from nico_tabletop.objects import CUBE_HALF_WIDTH, read_objects
 from nico_tabletop.placement import OutOfReachError, Pose
 from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES
 from nico_tabletop.scene import TABLE_HEIGHT, build_model, resting_place
@@ -50,16 +50,22 @@ class Grip:
     shift: float = 0.0
 
 
-_GRIPS: dict[str, Grip] = {
-    # A level palm holds a corner between its two fingers.
-    "push": Grip(fingers=(1, 0.05, -0.3), palm=(0, 0.5, -1), height=0.03),
-    # Steep fingers and a thumb turned aside: it must not come down on the object and tip it.
-    "pull": Grip(fingers=(1, 0.3, -2.5), palm=(-1, 0.7, 0), height=0.028),
-    # With the palm, beyond the object's middle, so that the thumb, nearer to the wrist, does not touch it.
-    "slide inwards": Grip(fingers=(1, 0.15, -0.2), palm=(0, 1, 0), height=0.035, shift=0.01),
-    # With the back of the hand: fingers that point outwards lie flat against the object.
-    "slide outwards": Grip(fingers=(1, -0.2, -0.2), palm=(0, 1, 0), height=0.035, shift=0.01),
+# A level palm holds a corner between its two fingers.
+_PUSH = Grip(fingers=(1, 0.05, -0.3), palm=(0, 0.5, -1), height=0.03)
+# Steep fingers and a thumb turned aside: it must not come down on the object and tip it.
+_PULL = Grip(fingers=(1, 0.3, -2.5), palm=(-1, 0.7, 0), height=0.028)
+# With the palm, beyond the object's middle, so that the thumb, nearer to the wrist, does not touch it.
+_INWARDS = Grip(fingers=(1, 0.15, -0.2), palm=(0, 1, 0), height=0.035, shift=0.01)
+# With the back of the hand: fingers that point outwards lie flat against the object.
+_OUTWARDS = Grip(fingers=(1, -0.2, -0.2), palm=(0, 1, 0), height=0.035, shift=0.01)
+
+GRIPS: dict[str, dict[str, Grip]] = {
+    "push": {"left": _PUSH, "right": _PUSH},
+    "pull": {"left": _PULL, "right": _PULL},
+    "slide-to-left": {"left": _OUTWARDS, "right": _INWARDS},
+    "slide-to-right": {"left": _INWARDS, "right": _OUTWARDS},
 }
+"""The grip of each verb of `nico_tabletop.tasks.VERBS` and of each arm."""
 
 # Metres. The middle between the tips of both fingers stands for the hand.
 _GAP = 0.03  # from the fingertips to the object's near side, before the stroke
@@ -87,7 +93,7 @@ def _robot() -> mujoco.MjModel:
 @cache
 def _cubes() -> mujoco.MjModel:
     """The robot and three cubes, which feel a hand that is closer than `_MARGIN`."""
-    model = build_model(SUITES["clant"][:3])
+    model = build_model(read_objects("clant")[:3])
     model.geom_margin[:] = _MARGIN
     return model
 
@@ -222,7 +228,7 @@ def _is_clear(rows: NDArray[np.float64], acting: str, slot: int, poses: Sequence
     """Whether the acting hand, once risen, stays `_MARGIN` away from all objects but the one to move."""
     model = _cubes()
     data = mujoco.MjData(model)
-    names = [item.name for item in SUITES["clant"][:3]]
+    names = [item.name for item in read_objects("clant")[:3]]
     for name, pose in zip(names, poses, strict=True):
         data.joint(name).qpos[:] = resting_place(pose)
     others = [model.body(name).id for index, name in enumerate(names) if index != slot]
@@ -241,25 +247,17 @@ def _is_clear(rows: NDArray[np.float64], acting: str, slot: int, poses: Sequence
 
 def _arms(action: Action, pose: Pose) -> tuple[str, str]:
     """Both arms, the preferred one first."""
-    left_first = pose.y > 0 if abs(pose.y) > _MIDDLE else action.direction[1] < 0
+    left_first = pose.y > 0 if abs(pose.y) > _MIDDLE else action.verb.direction[1] < 0
     return ("left", "right") if left_first else ("right", "left")
-
-
-def _grip(action: Action, acting: str) -> Grip:
-    verb = action.verb.split("-")[0]
-    if verb == "slide":
-        outwards = action.direction[1] > 0 if acting == "left" else action.direction[1] < 0
-        verb = "slide outwards" if outwards else "slide inwards"
-    return _GRIPS[verb]
 
 
 def _movement(action: Action, pose: Pose, acting: str) -> NDArray[np.float64]:
     """The trajectory of `plan` with a given arm, whatever else stands on the table."""
     arm = _Arm(acting)
-    grip = _grip(action, acting)
+    grip = GRIPS[action.verb.name][acting]
     held = arm.hold(grip)
 
-    direction = np.array([*action.direction, 0.0])
+    direction = np.array([*action.verb.direction, 0.0])
     up = np.array([0.0, 0.0, _LIFT])
     place = np.array([pose.x + grip.shift, pose.y, TABLE_HEIGHT + grip.height])
     begin = place - direction * (CUBE_HALF_WIDTH + _GAP)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Uploads a data set to the Hugging Face Hub.
+"""Uploads a dataset to the Hugging Face Hub.
 
 `LeRobotDataset.push_to_hub` would replace our card with a generic one and tag that; so its steps stand here,
-with all files in one commit: the Hub holds the whole data set or none of it, and files of an earlier one go.
+with all files in one commit: the Hub holds the whole dataset or none of it, and files of an earlier one go.
 """
 
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ class HubError(Exception):
 def create_repository(repo_id: str, *, private: bool) -> None:
     """Make the repository `repo_id`, or check that an existing one will do.
 
-    Called before a data set is built: what is wrong with a token or a name shows at once.
+    Called before a dataset is built: what is wrong with a token or a name shows at once.
 
     Raises:
         HubError: If there is no valid token, if it may not write there, if the Hub cannot be reached, or if
@@ -38,13 +38,13 @@ def create_repository(repo_id: str, *, private: bool) -> None:
         public = not api.repo_info(repo_id, repo_type=_DATASET).private
     if private and public:
         raise HubError(
-            f"{repo_id} exists and is public, but this data set is to be private: choose another --repo_id, "
+            f"{repo_id} exists and is public, but this dataset is to be private: choose another --repo_id, "
             "make the repository private in its settings on the Hub, or say --private=false"
         )
 
 
 def upload(root: Path, repo_id: str) -> str:
-    """Upload the data set in `root` to an existing repository and tag it with the version of its format.
+    """Upload the dataset in `root` to an existing repository and tag it with the version of its format.
 
     What an interrupted upload has stored is not sent again.
 

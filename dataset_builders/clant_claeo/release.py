@@ -27,31 +27,18 @@ from typing import Literal, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_tabletop.objects import SUITES
+from nico_tabletop.objects import read_objects
 from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES
-from nico_tabletop.tasks import find_action
+from nico_tabletop.tasks import ACTIONS, find_action
 
 from .wordings import wordings
 
 Split = Literal["train", "test"]
 Arrangement = tuple[str, str, str]
 
-_CUBES = {cube.name: cube for cube in SUITES["clant"]}
+_LENGTHS = (60, 60, 85, 40, 60, 40, 40, 40, 60, 50, 40, 85)  # rows, in the order of `ACTIONS`
 
-FRAMES = {
-    "PUSH-L": 60,
-    "PULL-L": 60,
-    "SLIDE-L-L": 85,
-    "SLIDE-L-R": 40,
-    "PUSH-M": 60,
-    "PULL-M": 40,
-    "SLIDE-M-L": 40,
-    "SLIDE-M-R": 40,
-    "PUSH-R": 60,
-    "PULL-R": 50,
-    "SLIDE-R-L": 40,
-    "SLIDE-R-R": 85,
-}
+FRAMES: dict[str, int] = {action.name: rows for action, rows in zip(ACTIONS, _LENGTHS, strict=True)}
 """The twelve actions, `<verb>-<slot>` or `SLIDE-<slot>-<direction>`, and the length of their trajectories."""
 
 ACTIONS_FILE = "actionstcnoexc.txt"
@@ -176,6 +163,7 @@ class _Reader:
 
     def __init__(self, root: Path):
         self.root = root
+        self.cubes = {cube.name: cube for cube in read_objects("clant")}
         self.problems: list[str] = []
 
     def problem(self, file: str, what: str, line: int | None = None) -> None:
@@ -253,8 +241,8 @@ class _Reader:
     def _arrangement(self, line: int, text: str) -> Arrangement:
         colours = text.strip().split("+")
         for colour in colours:
-            if colour not in _CUBES:
-                known = ", ".join(_CUBES)
+            if colour not in self.cubes:
+                known = ", ".join(self.cubes)
                 self.problem(ARRANGEMENTS_FILE, f"unknown colour {colour!r}; known: {known}", line)
         if len(colours) != 3 or len(set(colours)) != 3:
             self.problem(ARRANGEMENTS_FILE, f"expected three different colours, found {text.strip()!r}", line)
@@ -327,7 +315,8 @@ class _Reader:
 
     def _texts(self, file: str, action: str, arrangement: Arrangement) -> tuple[str, ...]:
         texts = tuple(line.strip() for line in self.lines(file))
-        expected = _wordings(action, arrangement)
+        task = find_action(action)
+        expected = wordings(task, self.cubes[arrangement[task.slot]])
         if texts and len(texts) != len(expected):
             self.problem(file, f"{len(texts)} wordings instead of {len(expected)}")
         for line, (text, due) in enumerate(zip(texts, expected, strict=False), 1):
@@ -362,8 +351,3 @@ class _Reader:
 
 def _name(number: int) -> str:
     return f"target{number:04d}.txt"
-
-
-def _wordings(action: str, arrangement: Arrangement) -> tuple[str, ...]:
-    task = find_action(action)
-    return wordings(task, _CUBES[arrangement[task.slot]])

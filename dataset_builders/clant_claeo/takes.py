@@ -46,13 +46,13 @@ _PARTIAL = ".partial"
 
 @dataclass(frozen=True)
 class Studio:
-    """How takes are made, the same for all of a data set.
+    """How takes are made, the same for all of a dataset.
 
     Attributes:
         folder: Where takes are put.
         objects: What the world has; the demonstrations name some of them.
-        height: Rows of the pictures.
-        width: Columns of the pictures.
+        height: Rows of the images.
+        width: Columns of the images.
         video: Store frames as video; as single images otherwise.
         keep_failures: Also record replays that fail.
     """

@@ -10,4 +10,5 @@ def wordings(action: Action, target: TabletopObject) -> tuple[str, ...]:
 
     As in the release, there are two verbs and two nouns: the object's name and its first synonym.
     """
-    return tuple(f"{verb} {noun}" for noun in (target.name, target.synonyms[0]) for verb in action.verbs)
+    verbs = action.verb.name, action.verb.synonym
+    return tuple(f"{verb} {noun}" for noun in (target.name, target.synonyms[0]) for verb in verbs)

@@ -17,7 +17,7 @@ import datasets
 
 
 def quiet() -> None:
-    """Our progress bar is enough: muxer and data set library each report every episode."""
+    """Our progress bar is enough: the muxer and the library `datasets` each report every episode."""
     av.logging.set_libav_level(av.logging.ERROR)  # LeRobot takes Python's logging of it off again
     datasets.disable_progress_bars()
 
@@ -43,8 +43,8 @@ def _end_with_parent() -> None:
 def is_disk_full(error: BaseException | None) -> bool:
     """Whether an error comes from there being no room to write.
 
-    LeRobot's encoder hands on nothing but the text, and the data set library hides the cause behind errors of
-    its own or words it differently.
+    LeRobot's encoder hands on nothing but the text, and the library `datasets` hides the cause behind errors
+    of its own or words it differently.
     """
     said = (os.strerror(errno.ENOSPC), os.strerror(errno.EDQUOT), "Not enough disk space")
     while error is not None:

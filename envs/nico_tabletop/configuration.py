@@ -12,6 +12,7 @@ from lerobot.envs.utils import _LazyAsyncVectorEnv
 from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
 
 from .env import TabletopEnv
+from .objects import read_objects
 from .placement import find_placement
 from .robot import EYES, JOINT_NAMES
 from .simulation import CONTROL_HZ
@@ -20,16 +21,16 @@ from .tasks import ACTIONS, find_action
 
 @dataclass
 class TabletopEnvConfig(EnvConfig):
-    """What both suites share.
+    """What both environment types share; a type presets the objects.
 
     Attributes:
         task: CLANT's action names, separated by commas, such as `PUSH-L,SLIDE-M-R`; all twelve when unset.
             The task id of an action is its place in CLANT's order, whatever is chosen.
         placement: `slots` (objects stand on CLANT's three slots) or `free` (anywhere in reach, at any yaw).
-        observation_height: Rows of the eyes' picture.
-        observation_width: Columns of the eyes' picture.
-        objects: Set of objects that stands on the table: the name of a shipped one (`clant`, `claeo`,
-            `household`) or the path of a YAML file (docs/objects.md); the environment type's own when unset.
+        observation_height: Rows of the eyes' image.
+        observation_width: Columns of the eyes' image.
+        objects: Objects on the table: the name of a shipped set (`clant`, `claeo`, `household`) or the path
+            of a YAML file (docs/objects.md).
     """
 
     task: str | None = None
@@ -37,7 +38,7 @@ class TabletopEnvConfig(EnvConfig):
     fps: int = CONTROL_HZ
     observation_height: int = 240
     observation_width: int = 320
-    objects: str | None = None
+    objects: str = "clant"
     features: dict[str, PolicyFeature] = field(default_factory=dict)
     features_map: dict[str, str] = field(
         default_factory=lambda: {
@@ -49,10 +50,10 @@ class TabletopEnvConfig(EnvConfig):
 
     def __post_init__(self) -> None:
         joints = (len(JOINT_NAMES),)
-        picture = (self.observation_height, self.observation_width, 3)
+        image = (self.observation_height, self.observation_width, 3)
         self.features = {
             ACTION: PolicyFeature(FeatureType.ACTION, joints),
-            f"pixels/{EYES}": PolicyFeature(FeatureType.VISUAL, picture),
+            f"pixels/{EYES}": PolicyFeature(FeatureType.VISUAL, image),
             "agent_pos": PolicyFeature(FeatureType.STATE, joints),
         }
 
@@ -60,23 +61,24 @@ class TabletopEnvConfig(EnvConfig):
     def gym_kwargs(self) -> dict[str, Any]:
         """Arguments of `TabletopEnv` that are the same for all tasks."""
         return {
-            "suite": self.type,
+            "objects": self.objects,
             "height": self.observation_height,
             "width": self.observation_width,
-            "objects": self.objects,
             "placement": self.placement,
         }
 
     def create_envs(
         self, n_envs: int, use_async_envs: bool = False
     ) -> dict[str, dict[int, gym.vector.VectorEnv]]:
-        """One vector environment per action: {suite: {task id: environments}}.
+        """One vector environment per action: {environment type: {task id: environments}}.
 
         Raises:
             ValueError: If `task` names an unknown action, `placement` is unknown, or the objects cannot be
                 used.
         """
-        find_placement(self.placement)  # asynchronous environments would find out in their workers
+        # Asynchronous environments would find out in their workers.
+        find_placement(self.placement)
+        read_objects(self.objects)
         chosen = [find_action(name) for name in self.task.split(",")] if self.task else ACTIONS
         envs: dict[int, Any] = {}
         for action in chosen:
@@ -92,10 +94,12 @@ class TabletopEnvConfig(EnvConfig):
 @EnvConfig.register_subclass("clant")
 @dataclass
 class ClantEnvConfig(TabletopEnvConfig):
-    """Coloured cubes."""
+    """CLANT's coloured cubes, unless `objects` names others."""
 
 
 @EnvConfig.register_subclass("claeo")
 @dataclass
 class ClaeoEnvConfig(TabletopEnvConfig):
-    """Everyday objects that CLANT does not have."""
+    """CLAEO's everyday objects, unless `objects` names others."""
+
+    objects: str = "claeo"

@@ -8,17 +8,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from .objects import NAME_BYTES, SUITES, read_objects
+from .objects import NAME_BYTES, read_objects
 from .placement import Pose, find_placement
 from .robot import EYES, INITIAL_POSE_DEG, joint_limits_deg
 from .scene import SPECTATOR
 from .scoring import judge
 from .simulation import CONTROL_HZ, TabletopSimulation
-from .tasks import SLOTS, arrangements, find_action
-
-EPISODE_STEPS = 90
-"""CLANT's longest action, 85 frames, and half a second for the objects to come to rest."""
-
+from .tasks import EPISODE_STEPS, SLOTS, arrangements, find_action
 
 DESCRIPTION_SIZE = len(SLOTS) * (4 + NAME_BYTES)
 """Length of what `describe_objects` returns."""
@@ -43,7 +39,7 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
     """NICO shall push, pull or slide one of three objects; each reset draws which objects stand where.
 
     Observation:
-        pixels/eyes: uint8 (height, width, 3), the picture between NICO's eyes.
+        pixels/eyes: uint8 (height, width, 3), the image between NICO's eyes.
         agent_pos: float32 (10,), measured joint angles, degrees.
         objects: float32 (84,), *ground truth* for upper bounds, see `describe_objects`.
 
@@ -58,38 +54,37 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": CONTROL_HZ}  # noqa: RUF012  Gymnasium's own attribute
-    render_mode = "rgb_array"
 
     def __init__(
         self,
-        suite: str,
         action: str,
+        objects: str = "clant",
         height: int = 240,
         width: int = 320,
         placement: str = "slots",
-        objects: str | None = None,
+        render_mode: str = "rgb_array",
     ) -> None:
-        """Make the environment; the GL context comes with the first picture.
+        """Make the environment; the GL context comes with the first image.
 
         Args:
-            suite: `clant` (coloured cubes) or `claeo` (everyday objects).
             action: CLANT's name of the action, such as `PUSH-L`.
-            height: Rows of the eyes' picture.
-            width: Columns of the eyes' picture.
+            objects: Name of a shipped set of objects (`objects.SHIPPED`) or path of a YAML file.
+            height: Rows of the eyes' image.
+            width: Columns of the eyes' image.
             placement: `slots` (CLANT's three places) or `free` (drawn anew in each reset, `draw_poses`).
-            objects: Name of a shipped set of objects or path of a YAML file; the suite's own when unset.
+            render_mode: Gymnasium's; `rgb_array` is the only one.
 
         Raises:
-            ValueError: If there is no such suite, action or placement, or if the objects cannot be used.
+            ValueError: If there is no such action, placement or render mode, or the objects cannot be used.
         """
-        if suite not in SUITES:
-            raise ValueError(f"no suite is called {suite!r}; there are {', '.join(SUITES)}")
-        self.suite = suite
+        if render_mode not in self.metadata["render_modes"]:
+            raise ValueError(f"render_mode must be rgb_array; got {render_mode!r}")
+        self.render_mode = render_mode
         self.action = find_action(action)
         self._draw_poses = find_placement(placement)
         self._size = (height, width)
         self._max_episode_steps = EPISODE_STEPS
-        self._simulation = TabletopSimulation(SUITES[suite] if objects is None else read_objects(objects))
+        self._simulation = TabletopSimulation(read_objects(objects))
         self._step = 0
         limits = joint_limits_deg().astype(np.float32)
         self.action_space = spaces.Box(limits[:, 0], limits[:, 1], dtype=np.float32)
@@ -109,7 +104,7 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
     @property
     def task_description(self) -> str:
         """The command of this episode in CLANT's words, such as `push red` or `slide-to-left ball`."""
-        return f"{self.action.verb} {self._simulation.arrangement[self.action.slot]}"
+        return f"{self.action.verb.name} {self._simulation.arrangement[self.action.slot]}"
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

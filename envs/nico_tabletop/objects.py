@@ -7,6 +7,7 @@ contacts. What the camera sees are the coloured parts that the file names.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import cast
 from xml.etree.ElementTree import Element, SubElement, fromstring, tostring
@@ -43,7 +44,11 @@ NAME_BYTES = 24
 """Room for an object's name in the ground truth, UTF-8."""
 
 SHIPPED = ("clant", "claeo", "household")
-"""Sets of objects that come with the package: both papers', and everyday objects that neither has."""
+"""Sets of objects that come with the package.
+
+`clant` has CLANT's six coloured cubes, `claeo` CLAEO's six everyday objects (paper, section 4), `household`
+everyday objects that neither has.
+"""
 
 _FOLDER = Path(__file__).with_name("objects")
 # What an object may fill: it must fit between its neighbours and under the robot's eyes (our decision).
@@ -100,6 +105,8 @@ def visible_surface(model: mujoco.MjModel, name: str) -> NDArray[np.float64]:
 def read_objects(source: str | Path) -> tuple[TabletopObject, ...]:
     """Read and check a set of objects.
 
+    A shipped set is read once per process, a file each time: its author may be changing it.
+
     Args:
         source: Name of a shipped set (`SHIPPED`) or path of a YAML file. Mesh files are relative to it.
 
@@ -109,12 +116,20 @@ def read_objects(source: str | Path) -> tuple[TabletopObject, ...]:
     Raises:
         ObjectsError: If the file or anything in it is wrong; the message says where, why, and what to do.
     """
-    path = _FOLDER / f"{source}.yaml" if source in SHIPPED else Path(source)
+    return _read_shipped(str(source)) if str(source) in SHIPPED else _read(Path(source))
+
+
+@cache
+def _read_shipped(name: str) -> tuple[TabletopObject, ...]:
+    return _read(_FOLDER / f"{name}.yaml")
+
+
+def _read(path: Path) -> tuple[TabletopObject, ...]:
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         known = ", ".join(SHIPPED)
-        problem = f"cannot read objects from {str(source)!r} ({error.strerror})"
+        problem = f"cannot read objects from {str(path)!r} ({error.strerror})"
         raise ObjectsError(f"{problem}; name a YAML file or one of the shipped sets: {known}") from error
     except (UnicodeDecodeError, yaml.YAMLError) as error:
         raise ObjectsError(f"{path} is no YAML file in UTF-8: {error}") from error
@@ -272,7 +287,3 @@ def _check_size(value: Value, item: TabletopObject) -> None:
             f"it reaches {-100 * low[2]:.4g} cm into the table, which is at height 0; raise its parts with "
             "`position: [x, y, z]` (boxes, spheres, cylinders and capsules have their middle there)"
         )
-
-
-SUITES: dict[str, tuple[TabletopObject, ...]] = {name: read_objects(name) for name in ("clant", "claeo")}
-"""CLANT's six coloured cubes, and the six everyday objects of CLAEO (paper, section 4)."""

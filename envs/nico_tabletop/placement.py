@@ -3,7 +3,7 @@
 
 The region is a trapezoid, `NEAREST` <= x <= `FARTHEST` and |y| <= `half_width(x)`. It is our decision, from
 measurements: nearer, hands in their initial pose would touch an object; farther, pulls begin to tip objects
-over, and then hands no longer get behind them; wider, the picture's edge would cut the tallest one.
+over, and then hands no longer get behind them; wider, the image's edge would cut the tallest one.
 """
 
 from collections.abc import Callable

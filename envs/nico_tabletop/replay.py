@@ -6,10 +6,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from .env import EPISODE_STEPS
 from .scoring import Outcome, judge
 from .simulation import TabletopSimulation
-from .tasks import Action
+from .tasks import EPISODE_STEPS, Action
 
 
 def replay(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Outcomes and pictures of what `lerobot-eval` has run: `python -m nico_tabletop.report eval_info.json …`."""
+"""Outcomes and frames of what `lerobot-eval` has run: `python -m nico_tabletop.report eval_info.json …`."""
 
 import argparse
 import json
@@ -17,11 +17,11 @@ from rich.table import Table
 from .scoring import Outcome
 from .tasks import ACTIONS
 
-_FRAMES, _ROWS = 4, 3  # of a video, and videos of a suite, in the picture
+_FRAMES, _ROWS = 4, 3  # of a video, and videos of an environment type, in the image
 
 
 def outcomes(info: dict[str, Any]) -> dict[str, dict[str, Counter[Outcome]]]:
-    """Count outcomes by suite and action.
+    """Count outcomes by environment type and action.
 
     `lerobot-eval` keeps the sum of rewards of each episode; the environment pays `Outcome.reward` once.
 
@@ -37,19 +37,19 @@ def outcomes(info: dict[str, Any]) -> dict[str, dict[str, Counter[Outcome]]]:
     return found
 
 
-def outcome_table(by_suite: dict[str, dict[str, Counter[Outcome]]]) -> Table:
-    """A row for each action and one for each suite."""
+def outcome_table(by_type: dict[str, dict[str, Counter[Outcome]]]) -> Table:
+    """A row for each action and one for each environment type."""
     table = Table(title="Outcomes")
-    for heading in ("suite", "action", "episodes", *Outcome, "success"):
-        table.add_column(str(heading), justify="left" if heading in ("suite", "action") else "right")
-    for suite, by_action in by_suite.items():
+    for heading in ("environment", "action", "episodes", *Outcome, "success"):
+        table.add_column(str(heading), justify="left" if heading in ("environment", "action") else "right")
+    for environment, by_action in by_type.items():
         total: Counter[Outcome] = sum(by_action.values(), Counter())
         for action, count in [*by_action.items(), ("all", total)]:
             success = 1 - count[Outcome.FAILURE] / count.total()
             cells = [str(count.total()), *(str(count[outcome]) for outcome in Outcome), f"{success:.0%}"]
-            table.add_row(
-                suite, action, *cells, style="bold" if action == "all" else "", end_section=action == "all"
-            )
+            total_row = action == "all"
+            style = "bold" if total_row else ""
+            table.add_row(environment, action, *cells, style=style, end_section=total_row)
     return table
 
 
@@ -62,21 +62,21 @@ def _frames(video: Path) -> NDArray[np.uint8]:
 
 
 def main() -> None:
-    """Print the table, and save a picture with a row of frames for some of the videos."""
+    """Print the table, and save an image with a row of frames for some of the videos."""
     parser = argparse.ArgumentParser(prog="python -m nico_tabletop.report", description=main.__doc__)
     parser.add_argument("eval_info", nargs="+", type=Path, help="eval_info.json of lerobot-eval")
     parser.add_argument("--picture", type=Path, required=True, help="PNG file to write")
     arguments = parser.parse_args()
-    by_suite: dict[str, dict[str, Counter[Outcome]]] = {}
+    by_type: dict[str, dict[str, Counter[Outcome]]] = {}
     rows = []
     for path in arguments.eval_info:
         info = json.loads(path.read_text(encoding="utf-8"))
-        by_suite |= outcomes(info)
+        by_type |= outcomes(info)
         videos = [paths[0] for task in info["per_task"] if (paths := task["metrics"]["video_paths"])]
         rows += [_frames(Path(video)) for video in videos[:: max(1, len(videos) // _ROWS)][:_ROWS]]
     Image.fromarray(np.concatenate(rows)).resize((1280, 240 * len(rows))).save(arguments.picture)
     console = Console()
-    console.print(outcome_table(by_suite))
+    console.print(outcome_table(by_type))
     for path in arguments.eval_info:
         console.print(f"Videos: {path.parent / 'videos'}", soft_wrap=True)
     console.print(f"Picture: {arguments.picture}", soft_wrap=True)

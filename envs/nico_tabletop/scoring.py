@@ -49,7 +49,7 @@ def judge(action: Action, start: NDArray[np.float64], end: NDArray[np.float64]) 
     distance = np.linalg.norm(motion, axis=1)
     others = np.delete(distance, action.slot)
     moved = distance[action.slot]
-    along = motion[action.slot] @ np.array(action.direction, dtype=float)
+    along = motion[action.slot] @ np.array(action.verb.direction, dtype=float)
     right_way = along >= moved * np.cos(np.deg2rad(DIRECTION_TOLERANCE_DEG))
     if moved < TARGET_MOVED or not right_way or (others >= OTHER_MOVED).any():
         return Outcome.FAILURE

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The running world: NICO's servos, three objects of a suite on the table, and what the cameras see."""
+"""The running world: NICO's servos, three objects on the table, and what the cameras see."""
 
 from collections.abc import Sequence
 
@@ -28,7 +28,7 @@ def _within_limits(target_deg: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def seen_bodies(renderer: mujoco.Renderer, data: mujoco.MjData, camera: str) -> NDArray[np.int64]:
-    """The body that each pixel of a camera's picture shows, (height, width): 0, the world, if none."""
+    """The body that each pixel of a camera's image shows, (height, width): 0, the world, if none."""
     renderer.enable_segmentation_rendering()
     try:
         renderer.update_scene(data, camera)
@@ -125,13 +125,13 @@ class TabletopSimulation:
         return renderer
 
     def render(self, camera: str, height: int, width: int) -> NDArray[np.uint8]:
-        """Picture of a camera, shape (height, width, 3), RGB."""
+        """Image of a camera, shape (height, width, 3), RGB."""
         renderer = self._renderer(height, width)
         renderer.update_scene(self.data, camera)
         return renderer.render()
 
     def segmented_boxes(self, camera: str, height: int, width: int) -> NDArray[np.float64]:
-        """Ground truth: the boxes of what a camera's picture shows of the three objects, pixel by pixel.
+        """Ground truth: the boxes of what a camera's image shows of the three objects, pixel by pixel.
 
         Unlike `object_boxes`, a hand in front of an object makes its box smaller.
 
@@ -148,15 +148,15 @@ class TabletopSimulation:
         return boxes
 
     def object_boxes(self, aspect: float) -> NDArray[np.float64]:
-        """Ground truth: the boxes of the three objects in the eye camera's picture.
+        """Ground truth: the boxes of the three objects in the eye camera's image.
 
         A box encloses the projection of the object's whole visible surface, also where a hand hides it.
 
         Args:
-            aspect: Width over height of the picture.
+            aspect: Width over height of the image.
 
         Returns:
-            Shape (3, 4): x0, y0, x1, y1 from the picture's upper left corner, as fractions of its width and
+            Shape (3, 4): x0, y0, x1, y1 from the image's upper left corner, as fractions of its width and
             height, cut at its edges; all -1 for an object out of view.
         """
         camera = self.data.camera(EYES)
@@ -168,9 +168,9 @@ class TabletopSimulation:
             seen = (surface - camera.xpos) @ camera.xmat.reshape(3, 3)
             if (seen[:, 2] >= 0).any():  # the camera looks along its own -z
                 continue
-            picture = seen[:, :2] / -seen[:, 2:] / (half_height * np.array([aspect, -1.0]))
-            picture = (picture + 1) / 2
-            low, high = picture.min(axis=0), picture.max(axis=0)
+            projected = seen[:, :2] / -seen[:, 2:] / (half_height * np.array([aspect, -1.0]))
+            projected = (projected + 1) / 2
+            low, high = projected.min(axis=0), projected.max(axis=0)
             if (high > 0).all() and (low < 1).all():
                 boxes[index] = np.clip([*low, *high], 0, 1)
         return boxes

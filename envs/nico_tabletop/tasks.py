@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CLANT's twelve actions, three slots and 120 arrangements."""
+"""CLANT's four verbs, three slots, twelve actions and 120 arrangements."""
 
 from dataclasses import dataclass
 from itertools import permutations
@@ -7,51 +7,55 @@ from itertools import permutations
 SLOTS: tuple[str, ...] = ("left", "middle", "right")
 """The places in front of the robot, from the robot's left to its right."""
 
-_SYNONYMS = {
-    "push": "move-up",
-    "pull": "move-down",
-    "slide-to-left": "move-sideways-to-left",
-    "slide-to-right": "move-sideways-to-right",
-}
-_DIRECTIONS = {"push": (1, 0), "pull": (-1, 0), "slide-to-left": (0, 1), "slide-to-right": (0, -1)}
+EPISODE_STEPS = 90
+"""Steps of an episode: CLANT's longest action has 85, then the objects have half a second to come to rest."""
+
+
+@dataclass(frozen=True)
+class Verb:
+    """What can be done to an object: all that the world knows about a verb.
+
+    Attributes:
+        name: CLANT's canonical word, such as `slide-to-left`.
+        synonym: CLANT's other word for it.
+        direction: Unit vector (x, y) in which the object shall move: x forward, y to the robot's left.
+        action_name: CLANT's name of its actions, with `{slot}` in place of the slot's letter.
+    """
+
+    name: str
+    synonym: str
+    direction: tuple[int, int]
+    action_name: str
+
+
+VERBS: tuple[Verb, ...] = (
+    Verb("push", "move-up", (1, 0), "PUSH-{slot}"),
+    Verb("pull", "move-down", (-1, 0), "PULL-{slot}"),
+    Verb("slide-to-left", "move-sideways-to-left", (0, 1), "SLIDE-{slot}-L"),
+    Verb("slide-to-right", "move-sideways-to-right", (0, -1), "SLIDE-{slot}-R"),
+)
+"""The verbs in CLANT's order. A new one needs a grip in `clant_claeo.expert.GRIPS`."""
 
 
 @dataclass(frozen=True)
 class Action:
-    """One of CLANT's twelve actions.
+    """A verb applied to the object on one slot.
 
     Attributes:
-        name: CLANT's name, such as `PUSH-L` or `SLIDE-M-R` (slot, then direction).
         slot: Index into `SLOTS` of the object to move.
-        verb: CLANT's canonical verb: `push`, `pull`, `slide-to-left`, `slide-to-right`.
+        verb: What to do with it.
     """
 
-    name: str
     slot: int
-    verb: str
+    verb: Verb
 
     @property
-    def verbs(self) -> tuple[str, str]:
-        """The canonical verb and CLANT's synonym for it."""
-        return self.verb, _SYNONYMS[self.verb]
-
-    @property
-    def direction(self) -> tuple[int, int]:
-        """Unit vector (x, y) in which the object shall move: x forward, y to the robot's left."""
-        return _DIRECTIONS[self.verb]
+    def name(self) -> str:
+        """CLANT's name, such as `PUSH-L` or `SLIDE-M-R` (slot, then direction)."""
+        return self.verb.action_name.format(slot=SLOTS[self.slot][0].upper())
 
 
-def _action(name: str) -> Action:
-    kind, slot, *side = name.split("-")
-    verb = f"slide-to-{'left' if side == ['L'] else 'right'}" if kind == "SLIDE" else kind.lower()
-    return Action(name, "LMR".index(slot), verb)
-
-
-ACTIONS: tuple[Action, ...] = tuple(
-    _action(f"{kind}-{slot}{side}")
-    for slot in "LMR"
-    for kind, side in (("PUSH", ""), ("PULL", ""), ("SLIDE", "-L"), ("SLIDE", "-R"))
-)
+ACTIONS: tuple[Action, ...] = tuple(Action(slot, verb) for slot in range(len(SLOTS)) for verb in VERBS)
 """The actions in CLANT's order; the position is the task id of the LeRobot environments."""
 
 

@@ -34,7 +34,7 @@ class SplitT5:
     def __init__(self, name: str, revision: str | None = None, *, frozen: bool = True) -> None:
         where = (
             "--policy.language_model",
-            f"{EMBEDDED}, or a folder that holds a T5 (`python -m lerobot_owlxt5.backbones.small_t5` makes one)",
+            f"{EMBEDDED}, or a folder that holds a T5 (python -m lerobot_owlxt5.backbones.small_t5)",
         )
         name, revision = find_backbone(name, "language_model", revision)
         self.tokenizer = load_pretrained(AutoTokenizer, name, revision, *where)
