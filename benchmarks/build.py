@@ -22,9 +22,9 @@ from lerobot.datasets.compute_stats import RunningQuantileStats
 from rich.console import Console
 from rich.table import Table
 
+from builder_tools.workers import quiet
 from clant_claeo import builder, takes
 from clant_claeo.demonstrations import scripted
-from clant_claeo.workers import quiet
 from nico_tabletop.objects import read_objects
 from nico_tabletop.simulation import TabletopSimulation
 

@@ -32,13 +32,13 @@ from lerobot.datasets.io_utils import write_info, write_stats
 from lerobot.datasets.language import EXTENDED_STYLES, PERSISTENT_STYLES, language_feature_info
 from tqdm import tqdm
 
+from builder_tools.workers import Workers, is_disk_full
 from nico_tabletop.objects import TabletopObject
 from nico_tabletop.scoring import Outcome
 
 from .demonstrations import Demonstration
 from .release import Split
 from .takes import Studio, Take, make_take, read_take, remove_unfinished, unfinished_takes
-from .workers import Workers, is_disk_full
 
 _OWN_STYLES = {"translation", "scene"}
 EXTENDED_STYLES.update(_OWN_STYLES)

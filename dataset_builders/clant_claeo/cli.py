@@ -11,6 +11,7 @@ import draccus
 from lerobot.utils.constants import HF_LEROBOT_HOME
 from rich.console import Console
 
+from builder_tools.workers import quiet, usable_cores
 from nico_tabletop.objects import read_objects
 from nico_tabletop.scoring import Outcome
 
@@ -19,7 +20,6 @@ from .card import Build, read_build, write_card
 from .demonstrations import Demonstration, from_release, scripted
 from .hub import HubError, create_repository, upload
 from .release import ReleaseError, read_release
-from .workers import quiet, usable_cores
 
 
 @dataclass

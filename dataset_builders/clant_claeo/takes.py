@@ -19,6 +19,7 @@ from lerobot.datasets import LeRobotDataset
 from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
 from numpy.typing import NDArray
 
+from builder_tools.workers import draw_in_one_thread
 from nico_tabletop.env import DESCRIPTION_SIZE, describe_objects
 from nico_tabletop.objects import TabletopObject
 from nico_tabletop.placement import OutOfReachError
@@ -30,7 +31,6 @@ from nico_tabletop.tasks import SLOTS
 
 from .demonstrations import Demonstration
 from .release import Split
-from .workers import draw_in_one_thread
 
 OBJECTS = "observation.objects"
 """Ground truth about the objects, see `nico_tabletop.env.describe_objects`."""

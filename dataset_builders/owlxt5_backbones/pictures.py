@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from tqdm import tqdm
 
-from clant_claeo.workers import Workers
+from builder_tools.workers import Workers
 
 from .scenes import PICTURES_OF_A_WORLD, EyeWorld
 

@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from clant_claeo.workers import draw_in_one_thread
+from builder_tools.workers import draw_in_one_thread
 from nico_tabletop.placement import Pose
 from nico_tabletop.robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
 from nico_tabletop.scene import build_model, parking_place, resting_place
-from nico_tabletop.simulation import seen_bodies
+from nico_tabletop.segmentation import segmented_boxes
 
 from .catalogue import CATEGORIES, Instance, draw_instance
 
@@ -170,12 +170,10 @@ class EyeWorld:
         return self._renderer.render()
 
     def _boxes(self, shown: Sequence[int]) -> list[tuple[Instance, list[float]]]:
-        bodies = seen_bodies(self._renderer, self._data, EYES)
-        found = []
-        for index in shown:
-            rows, columns = np.nonzero(bodies == self._bodies[index])
-            if rows.size >= _FEWEST_PIXELS:
-                corners = columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
-                box = (np.array(corners) / [WIDTH, HEIGHT, WIDTH, HEIGHT]).round(4).tolist()
-                found.append((self.instances[index], box))
-        return found
+        bodies = [self._bodies[index] for index in shown]
+        boxes = segmented_boxes(self._renderer, self._data, EYES, bodies, _FEWEST_PIXELS)
+        return [
+            (self.instances[index], box.round(4).tolist())
+            for index, box in zip(shown, boxes, strict=True)
+            if box[0] >= 0
+        ]

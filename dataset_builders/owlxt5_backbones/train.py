@@ -18,7 +18,7 @@ from transformers import (
 )
 from transformers.trainer_utils import get_last_checkpoint
 
-from clant_claeo.workers import usable_cores
+from builder_tools.workers import usable_cores
 from lerobot_owlxt5.backbones.small_t5 import SmallT5Config
 
 from .card import commands, write_eyes_card, write_tongue_card

@@ -11,6 +11,7 @@ from .objects import TabletopObject, visible_surface
 from .placement import SLOT_POSES, Pose
 from .robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
 from .scene import build_model, parking_place, resting_place
+from .segmentation import segmented_boxes
 from .tasks import SLOTS
 
 CONTROL_HZ = 10
@@ -25,18 +26,6 @@ def _within_limits(target_deg: NDArray[np.float64]) -> NDArray[np.float64]:
     """Joint targets in radians, clipped: CLANT's first row lies 0.02 degrees beyond the elbows' limits."""
     limits = joint_limits_deg()
     return np.deg2rad(np.clip(target_deg, limits[:, 0], limits[:, 1]))
-
-
-def seen_bodies(renderer: mujoco.Renderer, data: mujoco.MjData, camera: str) -> NDArray[np.int64]:
-    """The body that each pixel of a camera's image shows, (height, width): 0, the world, if none."""
-    renderer.enable_segmentation_rendering()
-    try:
-        renderer.update_scene(data, camera)
-        ids, kinds = np.moveaxis(renderer.render(), -1, 0)
-    finally:
-        renderer.disable_segmentation_rendering()
-    # Geom -1, the background, is no geom: it takes body 0.
-    return np.where(kinds == mujoco.mjtObj.mjOBJ_GEOM, data.model.geom_bodyid[ids], 0)
 
 
 class TabletopSimulation:
@@ -138,14 +127,8 @@ class TabletopSimulation:
         Returns:
             Shape (3, 4): x0, y0, x1, y1 as in `object_boxes`; all -1 for an object of which nothing is seen.
         """
-        bodies = seen_bodies(self._renderer(height, width), self.data, camera)
-        boxes = np.full((len(self.arrangement), 4), -1.0)
-        for index, name in enumerate(self.arrangement):
-            rows, columns = np.nonzero(bodies == self.model.body(name).id)
-            if rows.size:
-                corners = columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
-                boxes[index] = np.array(corners) / [width, height, width, height]
-        return boxes
+        bodies = [self.model.body(name).id for name in self.arrangement]
+        return segmented_boxes(self._renderer(height, width), self.data, camera, bodies)
 
     def object_boxes(self, aspect: float) -> NDArray[np.float64]:
         """Ground truth: the boxes of the three objects in the eye camera's image.
