@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The card beside trained weights: what they are, how to make them again, and how they did in their exam."""
+"""The card beside trained weights: what they are, how to make them again, and how they were evaluated."""
 
 from pathlib import Path
 from string import Template
 
-from . import exam_eyes, exam_tongue
 from .catalogue import CATEGORIES, HELD_OUT
+from .evaluate_detector import evaluate_detector, read_objects
+from .evaluate_language_model import evaluate_language_model
 
-_SCENES, _LESSONS = 60, 400
+_SCENES, _EXAMPLES = 60, 400
 
 _CARD = Template("""\
 ---
@@ -23,12 +24,12 @@ and was trained from random weights on nothing but data that `lerobot_policy_owl
 $command
 ```
 
-The exam afterwards:
+Evaluation:
 
 $table
 """)
-_EYES = """A small OWLv2 (`Owlv2ForObjectDetection`) for the embedded detector."""
-_TONGUE = """A small T5 (`T5ForConditionalGeneration`) for the embedded language model."""
+_DETECTOR = """A small OWLv2 (`Owlv2ForObjectDetection`) for `--policy.detector=embedded`."""
+_LANGUAGE_MODEL = """A small T5 (`T5ForConditionalGeneration`) for `--policy.language_model=embedded`."""
 
 
 def commands(folder: Path) -> str:
@@ -36,18 +37,18 @@ def commands(folder: Path) -> str:
     return (folder / "README.md").read_text(encoding="utf-8").split("```bash\n")[1].split("\n```")[0]
 
 
-def write_eyes_card(folder: Path, seed: int, **facts: object) -> str:
-    """Examine eyes and write the card into their folder.
+def write_detector_card(folder: Path, seed: int, **facts: object) -> str:
+    """Evaluate a detector and write the card into its folder.
 
     Args:
-        folder: Of the eyes.
-        seed: Of the exam's scenes.
+        folder: Of the detector.
+        seed: Of the scenes.
         **facts: `command` and `size` for the card.
 
     Returns:
         The table of results.
     """
-    household = [item.name for item in exam_eyes.read_objects("household")]
+    household = [item.name for item in read_objects("household")]
     suites = (
         ("claeo, on the slots", "claeo", "slots", None),
         ("claeo, placed freely", "claeo", "free", None),
@@ -56,51 +57,50 @@ def write_eyes_card(folder: Path, seed: int, **facts: object) -> str:
         ("household, held-out categories", "household", "free", [*HELD_OUT]),
     )
     rows = [
-        "| objects | asked for, there | centre within 2 cm | asked for, absent | rejected |",
+        "| objects | present | recall, centre within 2 cm | absent | true negative rate |",
         "|---|---|---|---|---|",
     ]
     for title, suite, placement, among in suites:
-        grade = exam_eyes.examine(str(folder), suite, placement, _SCENES, among=among, seed=seed)
-        rows.append(
-            f"| {title} | {grade.named} | {grade.found:.1%} | {grade.absent} | {grade.rejected:.1%} |"
-        )
+        metrics = evaluate_detector(str(folder), suite, placement, _SCENES, among=among, seed=seed)
+        rates = f"{metrics.recall:.1%} | {metrics.absent} | {metrics.true_negative_rate:.1%}"
+        rows.append(f"| {title} | {metrics.present} | {rates} |")
     table = "\n".join(
         [
             *rows,
             "",
-            f"{_SCENES} scenes a row, pictures of 320 x 240. Each scene has three objects of a set and is",
-            "asked for all of them, by name and by synonym. The eyes were trained on other instances of",
-            f"{len(CATEGORIES)} categories, cubes among them; no object of the sets is one of them,",
-            f"and the held-out categories are in no picture of their training: {', '.join(HELD_OUT)}.",
+            f"{_SCENES} scenes a row, images of 320 x 240. Each scene has three objects of a set, and the",
+            "detector is asked for all of the set, by name and by synonym. It was trained on other instances",
+            f"of {len(CATEGORIES)} categories, cubes among them. The objects of the sets are none of these,",
+            f"and the held-out categories are in no training image: {', '.join(HELD_OUT)}.",
         ]
     )
-    return _write(folder, table, name="eyes", what=_EYES, **facts)
+    return _write(folder, table, name="detector", what=_DETECTOR, **facts)
 
 
-def write_tongue_card(folder: Path, seed: int, trained: int, **facts: object) -> str:
-    """Examine a tongue and write the card into its folder.
+def write_language_model_card(folder: Path, seed: int, trained: int, **facts: object) -> str:
+    """Evaluate a language model and write the card into its folder.
 
     Args:
-        folder: Of the tongue.
+        folder: Of the language model.
         seed: Of its training.
-        trained: How many lessons it was trained on.
+        trained: How many examples it was trained on.
         **facts: `command` and `size` for the card.
 
     Returns:
         The table of results.
     """
-    grades = exam_tongue.examine(str(folder), _LESSONS, trained=trained, training_seed=seed)
+    results = evaluate_language_model(str(folder), _EXAMPLES, trained=trained, training_seed=seed)
     table = "\n".join(
         [
-            "| lesson | answers without a mistake |",
+            "| examples | exact match |",
             "|---|---|",
-            *(f"| {grade.kind} | {grade.right:.1%} |" for grade in grades),
+            *(f"| {metrics.kind} | {metrics.exact_match:.1%} |" for metrics in results),
             "",
-            f"{_LESSONS} lessons each, none of which was in training. In the first kinds three in ten names",
-            "are made up; made-up names are one to three words of random letters.",
+            f"{_EXAMPLES} examples of each kind, none of which was in training. In the first kinds three in",
+            "ten names are invented. Invented names are one to three words of random letters.",
         ]
     )
-    return _write(folder, table, name="tongue", what=_TONGUE, **facts)
+    return _write(folder, table, name="language model", what=_LANGUAGE_MODEL, **facts)
 
 
 def _write(folder: Path, table: str, **facts: object) -> str:

@@ -9,8 +9,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from lerobot_owlxt5.commands.pseudo_names import draw_name
+from lerobot_owlxt5.commands.verbs import VERBS
 
-from .dice import pick
+from .rng import choice
 
 Gender = Literal["m", "f", "n"]
 Case = Literal["nominative", "accusative", "dative"]
@@ -102,7 +103,7 @@ _SHARE_OF_COMPOUNDS, _SHARE_WITH_ADJECTIVE, _SHARE_MADE_UP = 0.3, 0.45, 0.3
 
 
 class Noun(NamedTuple):
-    """A noun in both languages; a made-up one is the same in both, and neuter."""
+    """A noun in both languages; an invented one is the same in both, and neuter."""
 
     english: str
     german: str
@@ -173,10 +174,10 @@ class Verb(NamedTuple):
 SIDES = {"to the left": "nach links", "to the right": "nach rechts", "forward": "nach vorn", "back": "zurück"}
 """Where things go."""
 
-VERBS = (
-    Verb("push {}", "pushed {}", "Schiebe", "weg", "wegschieben", "weggeschoben"),
+TRANSLATED_VERBS = (
+    Verb(VERBS["push"].imperative, "pushed {}", "Schiebe", "weg", "wegschieben", "weggeschoben"),
     Verb("push {} away", "pushed {} away", "Schiebe", "weg", "wegschieben", "weggeschoben"),
-    Verb("pull {}", "pulled {}", "Ziehe", "heran", "heranziehen", "herangezogen"),
+    Verb(VERBS["pull"].imperative, "pulled {}", "Ziehe", "heran", "heranziehen", "herangezogen"),
     Verb("pull {} closer", "pulled {} closer", "Ziehe", "näher", "näher ziehen", "näher gezogen"),
     *(
         Verb(f"{verb} {{}} {side}", f"{past} {{}} {side}", german, dort, f"{dort} {does}", f"{dort} {did}")
@@ -212,20 +213,20 @@ PLACES = (
 """Prepositions; in German with the dative."""
 
 
-def draw_thing(random: np.random.Generator) -> Thing:
-    """Draw a thing: often with an adjective, sometimes with a made-up name."""
-    if random.random() < _SHARE_MADE_UP:
-        name = draw_name(random)
+def draw_thing(rng: np.random.Generator) -> Thing:
+    """Draw a thing: often with an adjective, sometimes with an invented name."""
+    if rng.random() < _SHARE_MADE_UP:
+        name = draw_name(rng)
         return Thing(Noun(name, name, "n"))
-    noun = pick(random, nouns())
-    if random.random() < _SHARE_OF_COMPOUNDS:
-        noun = compound(pick(random, tuple(COMPOUNDS)), noun)
-    return Thing(noun, pick(random, tuple(ADJECTIVES)) if random.random() < _SHARE_WITH_ADJECTIVE else None)
+    noun = choice(rng, nouns())
+    if rng.random() < _SHARE_OF_COMPOUNDS:
+        noun = compound(choice(rng, tuple(COMPOUNDS)), noun)
+    return Thing(noun, choice(rng, tuple(ADJECTIVES)) if rng.random() < _SHARE_WITH_ADJECTIVE else None)
 
 
-def draw_translation(random: np.random.Generator) -> tuple[str, str]:
+def draw_translation(rng: np.random.Generator) -> tuple[str, str]:
     """Draw an English sentence and its German translation."""
-    return pick(random, _SENTENCES)(random)
+    return choice(rng, _SENTENCES)(rng)
 
 
 def _joined(*words: str) -> str:
@@ -237,60 +238,60 @@ def capital(text: str) -> str:
     return text[0].upper() + text[1:]
 
 
-def _command(random: np.random.Generator) -> tuple[str, str]:
-    thing, verb = draw_thing(random), pick(random, VERBS)
+def _command(rng: np.random.Generator) -> tuple[str, str]:
+    thing, verb = draw_thing(rng), choice(rng, TRANSLATED_VERBS)
     return (
         verb.english.format(f"the {thing.english}"),
         _joined(verb.imperative, thing.german("accusative"), verb.rest),
     )
 
 
-def _polite_command(random: np.random.Generator) -> tuple[str, str]:
-    thing, verb = draw_thing(random), pick(random, VERBS)
+def _polite_command(rng: np.random.Generator) -> tuple[str, str]:
+    thing, verb = draw_thing(rng), choice(rng, TRANSLATED_VERBS)
     command = verb.english.format(f"the {thing.english}")
-    english = f"please {command}" if random.random() < 0.5 else f"{command}, please"
+    english = f"please {command}" if rng.random() < 0.5 else f"{command}, please"
     return english, _joined(verb.imperative, "bitte", thing.german("accusative"), verb.rest)
 
 
-def _request(random: np.random.Generator) -> tuple[str, str]:
-    thing, verb = draw_thing(random), pick(random, VERBS)
+def _request(rng: np.random.Generator) -> tuple[str, str]:
+    thing, verb = draw_thing(rng), choice(rng, TRANSLATED_VERBS)
     asks = (("can you", "Kannst du"), ("could you", "Könntest du"), ("will you", "Wirst du"))
-    english, german = pick(random, asks)
+    english, german = choice(rng, asks)
     return (
         f"{english} {verb.english.format(f'the {thing.english}')}?",
         f"{german} {thing.german('accusative')} {verb.infinitive}?",
     )
 
 
-def _report(random: np.random.Generator) -> tuple[str, str]:
-    thing, verb = draw_thing(random), pick(random, VERBS)
+def _report(rng: np.random.Generator) -> tuple[str, str]:
+    thing, verb = draw_thing(rng), choice(rng, TRANSLATED_VERBS)
     return (
         f"I {verb.past.format(f'the {thing.english}')}.",
         f"Ich habe {thing.german('accusative')} {verb.participle}.",
     )
 
 
-def _unseen(random: np.random.Generator) -> tuple[str, str]:
-    thing = draw_thing(random)
+def _unseen(rng: np.random.Generator) -> tuple[str, str]:
+    thing = draw_thing(rng)
     return f"I cannot see {thing.english_a}.", f"Ich kann {thing.german('accusative', none=True)} sehen."
 
 
-def _where(random: np.random.Generator) -> tuple[str, str]:
-    thing = draw_thing(random)
+def _where(rng: np.random.Generator) -> tuple[str, str]:
+    thing = draw_thing(rng)
     return f"where is the {thing.english}?", f"Wo ist {thing.german('nominative')}?"
 
 
-def _property(random: np.random.Generator) -> tuple[str, str]:
-    thing, adjective = draw_thing(random), pick(random, tuple(ADJECTIVES))
+def _property(rng: np.random.Generator) -> tuple[str, str]:
+    thing, adjective = draw_thing(rng), choice(rng, tuple(ADJECTIVES))
     german, property_ = thing.german("nominative"), ADJECTIVES[adjective]
-    if random.random() < 0.3:
+    if rng.random() < 0.3:
         return f"is the {thing.english} {adjective}?", f"Ist {german} {property_}?"
     return f"the {thing.english} is {adjective}.", f"{capital(german)} ist {property_}."
 
 
-def _place(random: np.random.Generator) -> tuple[str, str]:
-    thing, other = draw_thing(random), draw_thing(random)
-    english, german = pick(random, PLACES)
+def _place(rng: np.random.Generator) -> tuple[str, str]:
+    thing, other = draw_thing(rng), draw_thing(rng)
+    english, german = choice(rng, PLACES)
     subject = thing.german("nominative")
     return (
         f"the {thing.english} is {english} the {other.english}.",
@@ -298,8 +299,8 @@ def _place(random: np.random.Generator) -> tuple[str, str]:
     )
 
 
-def _existence(random: np.random.Generator) -> tuple[str, str]:
-    thing = draw_thing(random)
+def _existence(rng: np.random.Generator) -> tuple[str, str]:
+    thing = draw_thing(rng)
     return (
         f"there is {thing.english_a} on the table.",
         f"Auf dem Tisch ist {thing.german('nominative', definite=False)}.",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one may ask about a picture, and which of its objects are meant."""
+"""What one may ask about an image, and which of its objects are meant."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -7,17 +7,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .catalogue import CATEGORIES, COLOURS
-from .dice import pick
+from .rng import choice
 
 NAMES = sorted({name for names, _ in CATEGORIES.values() for name in names})
 """All names of all categories."""
 _COLOUR_NAMES = sorted({name for names, _ in COLOURS.values() for name in names})
 _SIDES = ("left", "right")
-# The policy asks `a photo of a {name}`; the others keep the eyes from knowing that one alone.
+# The policy asks `a photo of a {name}`; the others keep the detector from knowing that one alone.
 PATTERNS = ("a photo of a {}", "a photo of a {}", "{}", "the {}", "a picture of the {}")
 
 Objects = Sequence[Mapping[str, Any]]
-"""`names`, `colours` and `box` of each object of a picture."""
+"""`names`, `colours` and `box` of each object of an image."""
 
 
 class Query(NamedTuple):
@@ -51,23 +51,23 @@ class Query(NamedTuple):
         return called
 
 
-def draw_queries(pictures: Sequence[Objects], random: np.random.Generator, others: int) -> list[Query]:
-    """All names, and some queries with colours and sides that make sense in one of the pictures or another.
+def draw_queries(images: Sequence[Objects], rng: np.random.Generator, others: int) -> list[Query]:
+    """All names, and some queries with colours and sides that make sense in one of the images or another.
 
     Args:
-        pictures: The objects of each.
-        random: Where the choices come from.
+        images: The objects of each.
+        rng: Where the choices come from.
         others: How many queries with colours and sides.
     """
     queries = dict.fromkeys(Query(name) for name in NAMES)
-    there = [item for objects in pictures for item in objects]
+    there = [item for objects in images for item in objects]
     while len(queries) < len(NAMES) + others:
-        names = pick(random, there)["names"] if there and random.random() < 0.8 else NAMES
-        colours = pick(random, there)["colours"] if there and random.random() < 0.7 else ()
-        if random.random() < 0.2:
-            query = Query(pick(random, names), side=pick(random, _SIDES))
+        names = choice(rng, there)["names"] if there and rng.random() < 0.8 else NAMES
+        colours = choice(rng, there)["colours"] if there and rng.random() < 0.7 else ()
+        if rng.random() < 0.2:
+            query = Query(choice(rng, names), side=choice(rng, _SIDES))
         else:
-            query = Query(pick(random, names), pick(random, colours or _COLOUR_NAMES))
+            query = Query(choice(rng, names), choice(rng, colours or _COLOUR_NAMES))
         queries[query] = None
     return [*queries]
 

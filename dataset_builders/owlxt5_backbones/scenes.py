@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What NICO's eyes may see: random objects on a random table in random light, and where each of them is."""
+"""What NICO's camera may see: random objects on a random table in random light, and where each of them is."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -17,9 +17,9 @@ from nico_tabletop.segmentation import segmented_boxes
 from .catalogue import CATEGORIES, Instance, draw_instance
 
 HEIGHT, WIDTH = 240, 320
-"""Size of the pictures."""
+"""Size of the images."""
 
-PICTURES_OF_A_WORLD = 48
+IMAGES_OF_A_WORLD = 48
 _OBJECTS_IN_A_WORLD = 30
 _FEWEST_ON_THE_TABLE, _MOST_ON_THE_TABLE = 2, 12
 # Where objects may stand, metres: a little more than the region in which the robot acts.
@@ -33,41 +33,41 @@ _ROBOT_HIDDEN, _ARMS_ELSEWHERE = 0.15, 0.4
 _CAMERA_SHIFT, _CAMERA_TURN, _ZOOM = 0.008, 2.0, 2.5  # metres and degrees, standard deviations
 
 
-class EyeWorld:
-    """A compiled world with instances of random categories, of which each picture shows some.
+class RandomScenes:
+    """A compiled world with instances of random categories, of which each image shows some.
 
     The robot, its camera and the table are those of `nico_tabletop`; colours, lights, the camera's place and
-    the arms' pose differ from picture to picture.
+    the arms' pose differ from image to image.
 
     Args:
-        random: Where everything comes from.
+        rng: Where everything comes from.
     """
 
-    def __init__(self, random: np.random.Generator) -> None:
-        self._random = random
-        drawn = random.choice(np.array([*CATEGORIES]), _OBJECTS_IN_A_WORLD)
-        self.instances = [draw_instance(random, str(name), f"{k}") for k, name in enumerate(drawn)]
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+        drawn = rng.choice(np.array([*CATEGORIES]), _OBJECTS_IN_A_WORLD)
+        self.instances = [draw_instance(rng, str(name), f"{k}") for k, name in enumerate(drawn)]
         self._model = build_model(tuple(instance.item for instance in self.instances))
         self._data = mujoco.MjData(self._model)
         self._bodies = [self._model.body(instance.item.name).id for instance in self.instances]
         self._joints = [self._model.joint(name).qposadr[0] for name in JOINT_NAMES]
         self._robot = self._robot_geoms()
-        eyes = self._model.camera(EYES)
-        self._eyes = eyes.id, eyes.pos.copy(), eyes.quat.copy(), float(eyes.fovy[0])
+        camera = self._model.camera(EYES)
+        self._camera = camera.id, camera.pos.copy(), camera.quat.copy(), float(camera.fovy[0])
         self._lights = self._model.light_pos.copy(), self._model.light_dir.copy()
         self._paint_textures()
         draw_in_one_thread()
         self._renderer = mujoco.Renderer(self._model, HEIGHT, WIDTH)
 
-    def pictures(self) -> Iterator[dict[str, Any]]:
-        """Pictures and what they show.
+    def images(self) -> Iterator[dict[str, Any]]:
+        """Images and what they show.
 
         Yields:
             `image`: (HEIGHT, WIDTH, 3) uint8, RGB; `objects`: of each that is seen `names`, `colours` and
             `box`, x0, y0, x1, y1 as fractions of width and height, from MuJoCo's segmentation.
         """
-        for _ in range(PICTURES_OF_A_WORLD):
-            self._look_elsewhere()
+        for _ in range(IMAGES_OF_A_WORLD):
+            self._shift_camera()
             self._light()
             self._pose_arms()
             shown = self._place()
@@ -95,53 +95,53 @@ class EyeWorld:
         model, texture = self._model, self._model.texture("wood")
         start, size = int(texture.adr[0]), int(texture.height[0] * texture.width[0] * texture.nchannel[0])
         pixels = model.tex_data[start : start + size].reshape(-1, 3)
-        base = self._random.uniform(60, 245) * (1 + self._random.uniform(-0.3, 0.3, 3))
-        marks = base * self._random.uniform(0.6, 1.15)
+        base = self._rng.uniform(60, 245) * (1 + self._rng.uniform(-0.3, 0.3, 3))
+        marks = base * self._rng.uniform(0.6, 1.15)
         marked = (pixels != pixels[0]).any(axis=1)
         pixels[:] = np.clip(np.where(marked[:, None], marks, base), 0, 255).astype(np.uint8)
-        model.mat_texrepeat[model.material("wood").id] = self._random.uniform(0.7, 6, 2)
+        model.mat_texrepeat[model.material("wood").id] = self._rng.uniform(0.7, 6, 2)
 
-    def _look_elsewhere(self) -> None:
-        camera, position, turned, zoom = self._eyes
-        self._model.cam_pos[camera] = position + self._random.normal(0, _CAMERA_SHIFT, 3)
-        axis = np.deg2rad(self._random.normal(0, _CAMERA_TURN, 3))
+    def _shift_camera(self) -> None:
+        camera, position, turned, zoom = self._camera
+        self._model.cam_pos[camera] = position + self._rng.normal(0, _CAMERA_SHIFT, 3)
+        axis = np.deg2rad(self._rng.normal(0, _CAMERA_TURN, 3))
         turn, angle = np.empty(4), float(np.linalg.norm(axis))
         mujoco.mju_axisAngle2Quat(turn, axis / angle, angle)
         mujoco.mju_mulQuat(self._model.cam_quat[camera], turned, turn)
-        self._model.cam_fovy[camera] = zoom + self._random.normal(0, _ZOOM)
+        self._model.cam_fovy[camera] = zoom + self._rng.normal(0, _ZOOM)
 
     def _light(self) -> None:
-        model, random = self._model, self._random
+        model, rng = self._model, self._rng
         positions, directions = self._lights
-        model.light_pos[:] = positions + random.normal(0, 0.3, positions.shape)
-        aim = directions + random.normal(0, 0.15, directions.shape)
+        model.light_pos[:] = positions + rng.normal(0, 0.3, positions.shape)
+        aim = directions + rng.normal(0, 0.15, directions.shape)
         model.light_dir[:] = aim / np.linalg.norm(aim, axis=1, keepdims=True)
-        tint = 1 + random.uniform(-0.08, 0.08, 3)
-        model.light_diffuse[0] = random.uniform(0.2, 0.7) * tint
-        model.light_diffuse[1] = random.uniform(0, 0.4) * tint
-        model.light_castshadow[0] = random.random() < 0.8
-        model.vis.headlight.ambient[:] = random.uniform(0.25, 0.5) * tint
-        model.vis.headlight.diffuse[:] = random.uniform(0.15, 0.45) * tint
-        model.geom_rgba[model.geom("floor").id, :3] = random.uniform(0.15, 0.95) * (
-            1 + random.uniform(-0.25, 0.25, 3)
+        tint = 1 + rng.uniform(-0.08, 0.08, 3)
+        model.light_diffuse[0] = rng.uniform(0.2, 0.7) * tint
+        model.light_diffuse[1] = rng.uniform(0, 0.4) * tint
+        model.light_castshadow[0] = rng.random() < 0.8
+        model.vis.headlight.ambient[:] = rng.uniform(0.25, 0.5) * tint
+        model.vis.headlight.diffuse[:] = rng.uniform(0.15, 0.45) * tint
+        model.geom_rgba[model.geom("floor").id, :3] = rng.uniform(0.15, 0.95) * (
+            1 + rng.uniform(-0.25, 0.25, 3)
         )
-        model.mat_rgba[model.material("wood").id, :3] = random.uniform(0.6, 1.0, 3)
+        model.mat_rgba[model.material("wood").id, :3] = rng.uniform(0.6, 1.0, 3)
 
     def _pose_arms(self) -> None:
-        random, angles = self._random, INITIAL_POSE_DEG.astype(np.float64)
+        rng, angles = self._rng, INITIAL_POSE_DEG.astype(np.float64)
         limits = joint_limits_deg()
-        if random.random() < _ARMS_ELSEWHERE:
-            angles = angles + random.uniform(0, 1) * (random.uniform(limits[:, 0], limits[:, 1]) - angles)
-        angles = np.clip(angles + random.normal(0, 2, len(angles)), limits[:, 0], limits[:, 1])
+        if rng.random() < _ARMS_ELSEWHERE:
+            angles = angles + rng.uniform(0, 1) * (rng.uniform(limits[:, 0], limits[:, 1]) - angles)
+        angles = np.clip(angles + rng.normal(0, 2, len(angles)), limits[:, 0], limits[:, 1])
         self._data.qpos[self._joints] = np.deg2rad(angles)
-        self._model.geom_group[self._robot] = 3 if random.random() < _ROBOT_HIDDEN else 0  # 3 is not drawn
+        self._model.geom_group[self._robot] = 3 if rng.random() < _ROBOT_HIDDEN else 0  # 3 is not drawn
 
     def _place(self) -> list[int]:
         """Put some of the objects on the table and the others away; their indices."""
-        random = self._random
-        count = int(random.integers(_FEWEST_ON_THE_TABLE, _MOST_ON_THE_TABLE, endpoint=True))
-        chosen = random.choice(len(self.instances), count, replace=False).tolist()
-        if random.random() < _TWINS:
+        rng = self._rng
+        count = int(rng.integers(_FEWEST_ON_THE_TABLE, _MOST_ON_THE_TABLE, endpoint=True))
+        chosen = rng.choice(len(self.instances), count, replace=False).tolist()
+        if rng.random() < _TWINS:
             alike = [
                 other
                 for other, instance in enumerate(self.instances)
@@ -156,11 +156,11 @@ class EyeWorld:
         return chosen[: len(places)]
 
     def _draw_places(self, count: int) -> list[Pose]:
-        random, places = self._random, list[Pose]()
+        rng, places = self._rng, list[Pose]()
         for _ in range(_TRIES):
-            x, y = random.uniform(_NEAREST, _FARTHEST), random.uniform(-_ASIDE, _ASIDE)
+            x, y = rng.uniform(_NEAREST, _FARTHEST), rng.uniform(-_ASIDE, _ASIDE)
             if all(np.hypot(x - other.x, y - other.y) >= _APART for other in places):
-                places.append(Pose(x, y, random.uniform(-180, 180)))
+                places.append(Pose(x, y, rng.uniform(-180, 180)))
             if len(places) == count:
                 break
         return places

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`owlxt5-backbones`: make the small eyes or the small tongue from nothing but this package."""
+"""`owlxt5-backbones`: make the small detector or the small language model from nothing but this package."""
 
 import sys
 from dataclasses import dataclass
@@ -8,27 +8,20 @@ from typing import NamedTuple
 
 import draccus
 import torch
-from transformers import (
-    AutoTokenizer,
-    Owlv2ForObjectDetection,
-    PreTrainedModel,
-    T5ForConditionalGeneration,
-    Trainer,
-    TrainingArguments,
-)
+from transformers import AutoTokenizer, PreTrainedModel, Trainer, TrainingArguments
 from transformers.trainer_utils import get_last_checkpoint
 
 from builder_tools.workers import usable_cores
 from lerobot_owlxt5.backbones.small_t5 import SmallT5Config
 
-from .card import commands, write_eyes_card, write_tongue_card
-from .eyes import EyesSizes, load_eyes, make_eyes
-from .eyes_batches import Collator
-from .eyes_training import EyesTrainer, find_threshold
-from .pictures import make_pictures
-from .tongue import Lessons, Tokens, make_tongue, shipped_sizes
+from .card import commands, write_detector_card, write_language_model_card
+from .detector import DetectorSizes, load_detector_model, make_detector_model
+from .detector_batches import Collator
+from .detector_training import DetectorTrainer, find_threshold
+from .images import make_images
+from .language_model import ExampleCollator, Examples, make_language_model, shipped_sizes
 
-_OTHER_PICTURES = 480
+_VALIDATION_IMAGES = 480
 # Patches to look at, of 256.
 _PATCHES = 96
 
@@ -41,28 +34,28 @@ class Recipe(NamedTuple):
     learning_rate: float
 
 
-RECIPES = {"eyes": Recipe(5000, 48, 2e-3), "tongue": Recipe(8000, 64, 1.5e-3)}
+RECIPES = {"detector": Recipe(5000, 48, 2e-3), "language_model": Recipe(8000, 64, 1.5e-3)}
 
 
 @dataclass
 class BackbonesConfig:
     """Train a small OWLv2 on rendered scenes, or a small T5 on sentences of a grammar."""
 
-    # `eyes` or `tongue`.
+    # `detector` or `language_model`.
     part: str
     # Folder for training data, checkpoints and, in `model`, the result.
     output_dir: Path
     # Steps of training; by default, here and below, those of the weights in this package.
     steps: int | None = None
-    # Pictures, or sentences, in a step.
+    # Images, or sentences, in a step.
     batch_size: int | None = None
-    # Highest learning rate of the tongue's AdamW or the eyes' Muon; it warms up and then falls with a cosine.
+    # Highest learning rate, of AdamW or the detector's Muon; it warms up and then falls with a cosine.
     learning_rate: float | None = None
-    # Pictures to render for the eyes; each is seen several times, never with the same questions.
-    pictures: int = 30_000
+    # Images to render for the detector; each is seen several times, never with the same queries.
+    images: int = 30_000
     # Seed of data and weights.
     seed: int = 0
-    # Folder of eyes whose training to go on with: their weights, the pictures and steps of this command.
+    # Folder of a detector whose training to go on with: its weights, the images and steps of this command.
     start_from: Path | None = None
 
     @property
@@ -85,8 +78,8 @@ class BackbonesConfig:
         """What makes the same again, in folders of the reader's choice."""
         before = "" if self.start_from is None else f"{commands(self.start_from)}\n"
         options = {"part": self.part, **self.recipe._asdict(), "seed": self.seed, "output_dir": "…"}
-        if self.part == "eyes":
-            options["pictures"] = self.pictures
+        if self.part == "detector":
+            options["images"] = self.images
         if self.start_from is not None:
             options["start_from"] = "…"
         return before + " ".join(
@@ -125,58 +118,57 @@ def _train(trainer: Trainer) -> list[float]:
     return [entry["loss"] for entry in trainer.state.log_history if "loss" in entry]
 
 
-def train_eyes(config: BackbonesConfig, sizes: EyesSizes) -> tuple[Owlv2ForObjectDetection, list[float]]:
-    """Render pictures and train on them; the eyes and the course of their loss."""
-    workers = usable_cores()
-    pictures = make_pictures(config.output_dir / "pictures", config.pictures, config.seed, workers)
-    others = make_pictures(config.output_dir / "other_pictures", _OTHER_PICTURES, config.seed + 1, workers)
+def train_detector(config: BackbonesConfig, sizes: DetectorSizes) -> tuple[PreTrainedModel, list[float]]:
+    """Render images and train on them; the detector and the course of its loss."""
+    folder, workers = config.output_dir, usable_cores()
+    images = make_images(folder / "images", config.images, config.seed, workers)
+    validation = make_images(folder / "validation_images", _VALIDATION_IMAGES, config.seed + 1, workers)
     start = config.start_from
-    model, processor = load_eyes(start) if start else make_eyes(sizes, config.seed)
+    model, processor = load_detector_model(start) if start else make_detector_model(sizes, config.seed)
     collate = Collator(processor, model.num_patches_width, _PATCHES)
-    trainer = EyesTrainer(model, _arguments(config), data_collator=collate, train_dataset=pictures)
+    trainer = DetectorTrainer(model, _arguments(config), data_collator=collate, train_dataset=images)
     losses = _train(trainer)
     model.eval()
-    model.config.score_threshold = find_threshold(model, processor, others, config.seed)
+    model.config.score_threshold = find_threshold(model, processor, validation, config.seed)
     processor.save_pretrained(config.model_dir)
     model.half().save_pretrained(config.model_dir)
     return model, losses
 
 
-def train_tongue(
+def train_language_model(
     config: BackbonesConfig, sizes: SmallT5Config
-) -> tuple[T5ForConditionalGeneration, list[float]]:
-    """Train on sentences; the tongue and the course of its loss."""
-    model = make_tongue(sizes)
+) -> tuple[PreTrainedModel, list[float]]:
+    """Train on sentences; the language model and the course of its loss."""
+    model = make_language_model(sizes)
     tokenizer = AutoTokenizer.from_pretrained(sizes.output_dir)
-    losses = _train(Trainer(model, _arguments(config), Tokens(tokenizer), train_dataset=Lessons(config.seed)))
+    collate, examples = ExampleCollator(tokenizer), Examples(config.seed)
+    losses = _train(Trainer(model, _arguments(config), collate, train_dataset=examples))
     model.half().save_pretrained(config.model_dir)
     return model, losses
 
 
 @draccus.wrap()
 def main(config: BackbonesConfig) -> None:
-    """Make the data, train, examine, and say where the result is."""
+    """Make the data, train, evaluate, and say where the result is."""
     if config.part not in RECIPES:
         sys.exit(f"owlxt5-backbones: --part is one of {', '.join(RECIPES)}, not {config.part!r}")
-    if config.start_from is not None and config.part != "eyes":
-        sys.exit("owlxt5-backbones: --start_from is for --part=eyes")
-    # Reads the card of the eyes to start from: better missing now than after hours.
+    if config.start_from is not None and config.part != "detector":
+        sys.exit("owlxt5-backbones: --start_from is for --part=detector")
+    # Reads the card of the detector to start from: better missing now than after hours.
     command = config.command
-    model: PreTrainedModel
-    if config.part == "eyes":
-        model, _ = train_eyes(config, EyesSizes())
+    if config.part == "detector":
+        model, _ = train_detector(config, DetectorSizes())
     else:
-        model, _ = train_tongue(config, shipped_sizes(config.model_dir, config.seed))
+        model, _ = train_language_model(config, shipped_sizes(config.model_dir, config.seed))
     facts = {"command": command, "size": f"{model.num_parameters():,}"}
-    if config.part == "eyes":
-        table = write_eyes_card(config.model_dir, config.seed, **facts)
+    if config.part == "detector":
+        table = write_detector_card(config.model_dir, config.seed, **facts)
     else:
-        table = write_tongue_card(
+        table = write_language_model_card(
             config.model_dir, config.seed, config.recipe.steps * config.recipe.batch_size, **facts
         )
-    policy_option = "detector" if config.part == "eyes" else "language_model"
-    print(f"{table}\n\nThe {config.part}: {config.model_dir}")
-    print(f"Next: lerobot-train --policy.type=owlxt5 --policy.{policy_option}={config.model_dir} …")
+    print(f"{table}\n\nThe {config.part.replace('_', ' ')}: {config.model_dir}")
+    print(f"Next: lerobot-train --policy.type=owlxt5 --policy.{config.part}={config.model_dir} …")
 
 
 if __name__ == "__main__":

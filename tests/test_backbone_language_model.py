@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The grammar that the small tongue learns from, and that it learns."""
+"""The grammar that the small language model is trained on, and that it learns."""
 
 from pathlib import Path
 
@@ -7,10 +7,21 @@ import numpy as np
 import pytest
 
 from lerobot_owlxt5.backbones.small_t5 import SmallT5Config
-from owlxt5_backbones import card, exam_tongue
-from owlxt5_backbones.grammar import ADJECTIVES, VERBS, Case, Noun, Thing, compound, draw_translation, nouns
-from owlxt5_backbones.tongue import draw_lesson
-from owlxt5_backbones.train import BackbonesConfig, train_tongue
+from lerobot_owlxt5.commands.verbs import VERBS
+from owlxt5_backbones import card
+from owlxt5_backbones.evaluate_language_model import evaluate_language_model
+from owlxt5_backbones.grammar import (
+    ADJECTIVES,
+    TRANSLATED_VERBS,
+    Case,
+    Noun,
+    Thing,
+    compound,
+    draw_translation,
+    nouns,
+)
+from owlxt5_backbones.language_model import draw_example
+from owlxt5_backbones.train import BackbonesConfig, train_language_model
 
 CUBE, CUP, BOOK = Noun("cube", "Würfel", "m"), Noun("cup", "Tasse", "f"), Noun("book", "Buch", "n")
 
@@ -63,16 +74,17 @@ def test_the_action_language_in_german() -> None:
         verb.english.format(f"the {red_cube.english}"): (
             f"{verb.imperative} {red_cube.german('accusative')} {verb.rest}".strip()
         )
-        for verb in VERBS
+        for verb in TRANSLATED_VERBS
     }
     assert said["push the red cube to the left"] == "Schiebe den roten Würfel nach links"
+    assert {verb.imperative.format("the red cube") for verb in VERBS.values()} <= {*said}
     assert said["pull the red cube"] == "Ziehe den roten Würfel heran"
     assert said["slide the red cube to the right"] == "Schiebe den roten Würfel nach rechts"
 
 
 def test_sentences_are_whole_and_varied() -> None:
-    random = np.random.default_rng(0)
-    drawn = [draw_translation(random) for _ in range(2000)]
+    rng = np.random.default_rng(0)
+    drawn = [draw_translation(rng) for _ in range(2000)]
     for english, german in drawn:
         assert "{" not in english + german
         assert "  " not in english + german
@@ -84,12 +96,12 @@ def test_sentences_are_whole_and_varied() -> None:
     assert all(any(adjective in english for english, _ in drawn) for adjective in ADJECTIVES)
 
 
-def test_lessons_copy_names_that_no_list_has() -> None:
-    random = np.random.default_rng(0)
+def test_examples_copy_names_that_no_list_has() -> None:
+    rng = np.random.default_rng(0)
     known = {word for noun in nouns() for word in noun.english.split()}
     described = [
         (prompt.removeprefix("describe: "), answer)
-        for prompt, answer in (draw_lesson(random) for _ in range(2000))
+        for prompt, answer in (draw_example(rng) for _ in range(2000))
         if prompt.startswith("describe: ")
     ]
     assert all(prompt == answer for prompt, answer in described)
@@ -97,25 +109,25 @@ def test_lessons_copy_names_that_no_list_has() -> None:
     assert len(unknown) > 20
 
 
-def test_a_miniature_tongue_learns_and_gets_a_card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    config = BackbonesConfig("tongue", tmp_path, steps=300, batch_size=16, learning_rate=1e-2)
+def test_a_miniature_model_learns_and_gets_a_card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = BackbonesConfig("language_model", tmp_path, steps=300, batch_size=16, learning_rate=1e-2)
     sizes = {"vocab_size": 600, "d_model": 32, "d_kv": 8, "d_ff": 64, "num_layers": 1}
-    _, losses = train_tongue(config, SmallT5Config(tmp_path / "model", **sizes))
+    _, losses = train_language_model(config, SmallT5Config(tmp_path / "model", **sizes))
     assert np.mean(losses[-5:]) < 0.75 * np.mean(losses[:5])
-    monkeypatch.setattr(card, "_LESSONS", 3)
-    table = card.write_tongue_card(config.model_dir, 0, 300 * 16, command=config.command, size="a few")
-    assert "| translate, made-up name |" in table
+    monkeypatch.setattr(card, "_EXAMPLES", 3)
+    facts = {"command": config.command, "size": "a few"}
+    table = card.write_language_model_card(config.model_dir, 0, 300 * 16, **facts)
+    assert "| translate, invented name |" in table
     written = (tmp_path / "model" / "README.md").read_text(encoding="utf-8")
     assert table in written
-    assert "owlxt5-backbones --part=tongue --steps=300 --batch_size=16 --learning_rate=0.01" in written
+    assert "--part=language_model --steps=300 --batch_size=16 --learning_rate=0.01" in written
 
 
-def test_the_embedded_tongue_answers_lessons_that_it_never_had() -> None:
-    grades = {
-        grade.kind: grade for grade in exam_tongue.examine("embedded", 30, trained=1000, training_seed=0)
-    }
-    assert grades["execute"].right > 0.8
-    assert grades["translate"].right > 0.7
-    assert grades["repeat language, made-up name"].right > 0.7
-    for grade in grades.values():
-        assert len(grade.mistakes) == min(5, round((1 - grade.right) * grade.lessons))
+def test_the_embedded_model_answers_examples_that_it_was_not_trained_on() -> None:
+    metrics = evaluate_language_model("embedded", 30, trained=1000, training_seed=0)
+    results = {each.kind: each for each in metrics}
+    assert results["execute"].exact_match > 0.8
+    assert results["translate"].exact_match > 0.7
+    assert results["repeat language, invented name"].exact_match > 0.7
+    for each in metrics:
+        assert len(each.mistakes) == min(5, round((1 - each.exact_match) * each.examples))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The eyes' training pictures on disk: one Parquet file for each few worlds, complete or not there at all."""
+"""The detector's training images on disk: a Parquet file for each few worlds, complete or not there."""
 
 import io
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from builder_tools.workers import Workers
 
-from .scenes import PICTURES_OF_A_WORLD, EyeWorld
+from .scenes import IMAGES_OF_A_WORLD, RandomScenes
 
 _WORLDS_IN_A_FILE = 10
 _JPEG_QUALITY = 92
@@ -33,10 +33,10 @@ FEATURES = datasets.Features(
 )
 
 
-def make_pictures(folder: Path, count: int, seed: int, workers: int) -> datasets.Dataset:
-    """Render at least `count` pictures, or those of them that are missing, and open them."""
+def make_images(folder: Path, count: int, seed: int, workers: int) -> datasets.Dataset:
+    """Render at least `count` images, or those of them that are missing, and open them."""
     folder.mkdir(parents=True, exist_ok=True)
-    worlds = range(-(-count // PICTURES_OF_A_WORLD))
+    worlds = range(-(-count // IMAGES_OF_A_WORLD))
     jobs = [
         (worlds[start : start + _WORLDS_IN_A_FILE], folder / f"{start:05d}.parquet")
         for start in worlds[::_WORLDS_IN_A_FILE]
@@ -53,7 +53,7 @@ def make_pictures(folder: Path, count: int, seed: int, workers: int) -> datasets
 
 def _make_file(seed: int, job: tuple[range, Path]) -> None:
     worlds, path = job
-    rows = [row for world in worlds for row in _pictures(np.random.default_rng((seed, world)))]
+    rows = [row for world in worlds for row in _images(np.random.default_rng((seed, world)))]
     for row in rows:
         row["image"] = _compressed(row["image"])
     draft = path.with_suffix(".draft")
@@ -62,15 +62,15 @@ def _make_file(seed: int, job: tuple[range, Path]) -> None:
 
 
 def _compressed(image: NDArray[np.uint8]) -> dict[str, bytes]:
-    """A JPEG: small, and a camera's pictures have its flaws too."""
+    """A JPEG: small, and a camera's images have its flaws too."""
     file = io.BytesIO()
     Image.fromarray(image).save(file, "JPEG", quality=_JPEG_QUALITY)
     return {"bytes": file.getvalue()}
 
 
-def _pictures(random: np.random.Generator) -> Iterator[dict[str, Any]]:
-    world = EyeWorld(random)
+def _images(rng: np.random.Generator) -> Iterator[dict[str, Any]]:
+    world = RandomScenes(rng)
     try:
-        yield from world.pictures()
+        yield from world.images()
     finally:
         world.close()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the eyes learn: their loss, their optimizer, and the score from which on they believe what they see."""
+"""How the detector is trained: its loss, its optimizer, and the choice of its score threshold."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,8 +14,8 @@ from transformers import (  # type: ignore[attr-defined]
     TrainingArguments,
 )
 
-from .eyes import look
-from .eyes_batches import Collator
+from .detector import predict_patches
+from .detector_batches import Collator
 
 try:
     from timm.optim import Muon
@@ -24,23 +24,23 @@ except ModuleNotFoundError as error:
         "making backbones needs timm: pip install 'lerobot_policy_owlxt5[backbones]'"
     ) from error
 
-_PICTURES_AT_ONCE = 32
+_IMAGES_AT_ONCE = 32
 _L1_WEIGHT, _GIOU_WEIGHT = 5.0, 2.0
 # AdamW's learning rate as a share of Muon's.
 _ADAMW_SHARE = 0.4
 
 
-def detection_loss(logits: Tensor, found: Tensor, says: Tensor, boxes: Tensor, known: Tensor) -> Tensor:
-    """Focal loss of what patches say, and OWLv2's two losses of the boxes.
+def detection_loss(logits: Tensor, found: Tensor, positive: Tensor, boxes: Tensor, known: Tensor) -> Tensor:
+    """Focal loss of the patches' scores, and OWLv2's two losses of the boxes.
 
     Args:
         logits: (batch, patches, queries).
         found: (batch, patches, 4) boxes, middle and edges.
-        says: (batch, patches, queries) bool.
+        positive: (batch, patches, queries) bool.
         boxes: (batch, patches, 4) true boxes; zero where there is none.
         known: (batch, queries) bool; what is not known costs nothing.
     """
-    focal = sigmoid_focal_loss(logits.float(), says.float(), alpha=0.5, gamma=2.0, reduction="none")
+    focal = sigmoid_focal_loss(logits.float(), positive.float(), alpha=0.5, gamma=2.0, reduction="none")
     focal = (focal * known[:, None]).sum()
     real = boxes[..., 2] > 0
     mine, true = found[real].float(), boxes[real]
@@ -48,13 +48,13 @@ def detection_loss(logits: Tensor, found: Tensor, says: Tensor, boxes: Tensor, k
     corners = [box_convert(each, "cxcywh", "xyxy") for each in (mine, true)]
     overlap = generalized_box_iou_loss(*corners)
     boxes_loss = (_L1_WEIGHT * distance + _GIOU_WEIGHT * overlap).sum() / max(len(distance), 1)
-    return focal / says.sum().clamp(min=1) + boxes_loss
+    return focal / positive.sum().clamp(min=1) + boxes_loss
 
 
-class EyesTrainer(Trainer):
+class DetectorTrainer(Trainer):
     """transformers' trainer with the loss that OWLv2 lacks, and with Muon.
 
-    Muon takes the matrices of the Transformers' layers; AdamW what is left. On our pictures it needs half of
+    Muon takes the matrices of the Transformers' layers; AdamW what is left. On our images it needs half of
     AdamW's steps.
 
     Args:
@@ -87,10 +87,10 @@ class EyesTrainer(Trainer):
         num_items_in_batch: Tensor | int | None = None,
     ) -> Any:
         """The loss of a batch of `Collator`."""
-        truth = [inputs.pop(key) for key in ("says", "boxes", "known")]
+        truth = [inputs.pop(key) for key in ("positive", "boxes", "known")]
         # The trainer lowers the precision of the network's own call alone.
         with self.accelerator.autocast():
-            logits, found = look(model, **inputs)
+            logits, found = predict_patches(model, **inputs)
         loss = detection_loss(logits, found, *truth)
         return (loss, logits) if return_outputs else loss
 
@@ -99,29 +99,27 @@ class EyesTrainer(Trainer):
 def find_threshold(
     model: Owlv2ForObjectDetection,
     processor: Owlv2Processor,
-    pictures: Sequence[Mapping[str, Any]],
+    images: Sequence[Mapping[str, Any]],
     seed: int,
 ) -> float:
-    """The score that best tells what is there from what is not: as many of both are mistaken for the other.
+    """The score threshold at which false negatives and false positives are equally frequent.
 
     Args:
-        model: The eyes.
-        processor: Theirs.
-        pictures: Rows of `scenes.EyeWorld.pictures` that the eyes were not trained on.
-        seed: Of the questions.
+        model: The detector.
+        processor: Its own.
+        images: Rows of `scenes.RandomScenes.images` that the detector was not trained on.
+        seed: Of the queries.
     """
     torch.manual_seed(seed)
     collate = Collator(processor, model.num_patches_width)
     scores, there = list[Tensor](), list[Tensor]()
-    for start in range(0, len(pictures), _PICTURES_AT_ONCE):
-        batch = collate(
-            [pictures[row] for row in range(start, min(start + _PICTURES_AT_ONCE, len(pictures)))]
-        )
-        says, known, _ = (batch.pop(key) for key in ("says", "known", "boxes"))
-        there.append(says.any(dim=1)[known])
-        scores.append(look(model, **batch)[0].sigmoid().amax(dim=1)[known])
+    for start in range(0, len(images), _IMAGES_AT_ONCE):
+        batch = collate([images[row] for row in range(start, min(start + _IMAGES_AT_ONCE, len(images)))])
+        positive, known, _ = (batch.pop(key) for key in ("positive", "known", "boxes"))
+        there.append(positive.any(dim=1)[known])
+        scores.append(predict_patches(model, **batch)[0].sigmoid().amax(dim=1)[known])
     score, is_there = torch.cat(scores), torch.cat(there)
     candidates = torch.linspace(0.02, 0.98, 97)
-    missed = (score[is_there] < candidates[:, None]).float().mean(dim=1)
-    dreamt = (score[~is_there] >= candidates[:, None]).float().mean(dim=1)
-    return round(float(candidates[(missed - dreamt).abs().argmin()]), 2)
+    false_negatives = (score[is_there] < candidates[:, None]).float().mean(dim=1)
+    false_positives = (score[~is_there] >= candidates[:, None]).float().mean(dim=1)
+    return round(float(candidates[(false_negatives - false_positives).abs().argmin()]), 2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the eyes learn from: batches of rendered pictures with questions and answers."""
+"""What the detector is trained on: batches of rendered images with queries and the right boxes."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,8 +12,8 @@ from torchvision.ops import box_convert
 from torchvision.transforms import v2
 from transformers import Owlv2Processor
 
-from .dice import pick
 from .queries import PATTERNS, Objects, Query, draw_queries
+from .rng import choice
 
 # Queries with colours and sides in a batch, beside all names.
 _QUERIES = 96
@@ -26,14 +26,14 @@ _FAR = 4.0  # more than any squared distance in a square with edges of 1
 
 
 class Collator:
-    """Makes a batch of pictures, flipped and relit, with queries of their own.
+    """Makes a batch of images, flipped and relit, with queries of their own.
 
     What it draws follows from PyTorch's generator, of which each worker of a data loader has its own.
 
     Args:
-        processor: The eyes'.
-        side: Patches along an edge of the eyes' picture.
-        patches: How many patches of a picture are looked at, those with objects first, as in OWLv2's own
+        processor: The detector's.
+        side: Patches along an edge of the detector's image.
+        patches: How many patches of an image are looked at, those with objects first, as in OWLv2's own
             training; all by default.
     """
 
@@ -45,45 +45,45 @@ class Collator:
         self._relight = v2.Compose([light, v2.GaussianNoise(sigma=0.02)])
 
     def __call__(self, rows: Sequence[Mapping[str, Any]]) -> dict[str, Tensor]:
-        """Collate rows of `scenes.EyeWorld.pictures`.
+        """Collate rows of `scenes.RandomScenes.images`.
 
         Returns:
-            `pixel_values`; `input_ids` and `attention_mask` of the queries, which are asked of all pictures;
-            `patches` (batch, patches), indices of those to look at; `says` (batch, patches, queries) bool,
-            which of them are to say yes; `boxes` (batch, patches, 4), which box they are to find, middle and
-            edges, shares of the padded square, zero where there is none; `known` (batch, queries), False
-            where nobody could say what is meant.
+            `pixel_values`; `input_ids` and `attention_mask` of the queries, which are asked of all images;
+            `patches` (batch, patches), indices of those to look at; `positive` (batch, patches, queries)
+            bool, which of them show what is asked for; `boxes` (batch, patches, 4), which box they are to
+            find, middle and edges, shares of the padded square, zero where there is none; `known` (batch,
+            queries), False where nobody could say what is meant.
         """
-        random = np.random.default_rng(int(torch.randint(2**62, ())))
-        images, pictures = [], []
+        rng = np.random.default_rng(int(torch.randint(2**62, ())))
+        images, scenes = [], []
         for row in rows:
-            flipped = random.random() < 0.5
+            flipped = rng.random() < 0.5
             images.append(self._prepare(np.array(row["image"]), flipped))
             objects = [dict(item) for item in row["objects"]]
             for item in objects if flipped else ():
                 x0, y0, x1, y1 = item["box"]
                 item["box"] = [1 - x1, y0, 1 - x0, y1]
-            pictures.append(objects)
-        queries = draw_queries(pictures, random, _QUERIES)
+            scenes.append(objects)
+        queries = draw_queries(scenes, rng, _QUERIES)
         number = self._side**2
-        if self._patches and random.random() >= _ALL_PATCHES:
+        if self._patches and rng.random() >= _ALL_PATCHES:
             number = min(number, self._patches)
         truth = [
             self._truth(objects, queries, number, image)
-            for objects, image in zip(pictures, images, strict=True)
+            for objects, image in zip(scenes, images, strict=True)
         ]
-        keys = "patches", "says", "boxes", "known"
+        keys = "patches", "positive", "boxes", "known"
         stacked = {
             key: torch.stack(values) for key, values in zip(keys, zip(*truth, strict=True), strict=True)
         }
-        texts = [pick(random, PATTERNS).format(query.phrase) for query in queries]
+        texts = [choice(rng, PATTERNS).format(query.phrase) for query in queries]
         inputs = self._processor(
             text=texts, images=images, do_rescale=False, truncation=True, return_tensors="pt"
         )
         return {**inputs, **stacked}
 
     def _prepare(self, pixels: NDArray[np.uint8], flipped: bool) -> Tensor:
-        """As large as the eyes want it: OWLv2's processor, whose blur is slow, then has nothing to shrink."""
+        """As large as the model wants it: OWLv2's processor, whose blur is slow, has nothing to shrink."""
         image = torch.from_numpy(pixels).permute(2, 0, 1)
         height, width = image.shape[-2:]
         scale = self._edge / max(height, width)
@@ -94,9 +94,9 @@ class Collator:
     def _truth(
         self, objects: Objects, queries: Sequence[Query], number: int, image: Tensor
     ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """`patches`, `says`, `boxes` and `known` of a picture.
+        """`patches`, `positive`, `boxes` and `known` of an image.
 
-        Our decision: a patch in the inner part of an object says so and finds its box. As all boxes are
+        Our decision: a patch in the inner part of an object is positive and finds its box. As all boxes are
         known, OWLv2's own matching of sets is not needed.
         """
         height, width = image.shape[-2:]

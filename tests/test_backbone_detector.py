@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scenes and questions that the small eyes learn from, and that they learn."""
+"""The scenes and queries that the small detector is trained on, and that it learns."""
 
 from pathlib import Path
 from typing import Any
@@ -12,21 +12,21 @@ from nico_tabletop.objects import CUBE_HALF_WIDTH, read_objects, visible_surface
 from nico_tabletop.scene import build_model
 from owlxt5_backbones import card, queries, train
 from owlxt5_backbones.catalogue import CATEGORIES, COLOURS, HELD_OUT, draw_instance
-from owlxt5_backbones.exam_eyes import examine
-from owlxt5_backbones.eyes import EyesSizes, look, make_eyes
-from owlxt5_backbones.eyes_batches import Collator
-from owlxt5_backbones.eyes_training import detection_loss
+from owlxt5_backbones.detector import DetectorSizes, make_detector_model, predict_patches
+from owlxt5_backbones.detector_batches import Collator
+from owlxt5_backbones.detector_training import detection_loss
+from owlxt5_backbones.evaluate_detector import evaluate_detector
 from owlxt5_backbones.queries import NAMES, Query, draw_queries
-from owlxt5_backbones.scenes import HEIGHT, WIDTH, EyeWorld
-from owlxt5_backbones.train import BackbonesConfig, train_eyes
+from owlxt5_backbones.scenes import HEIGHT, WIDTH, RandomScenes
+from owlxt5_backbones.train import BackbonesConfig, train_detector
 
-TINY = EyesSizes(image_size=64, width=32, layers=1, heads=2, text_width=32, text_layers=1, vocabulary=600)
+TINY = DetectorSizes(image_size=64, width=32, layers=1, heads=2, text_width=32, text_layers=1, vocabulary=600)
 
 
 @pytest.mark.parametrize("category", CATEGORIES)
 def test_instances_stand_on_the_table_and_are_of_its_size(category: str) -> None:
-    random = np.random.default_rng(0)
-    items = tuple(draw_instance(random, category, str(k)).item for k in range(12))
+    rng = np.random.default_rng(0)
+    items = tuple(draw_instance(rng, category, str(k)).item for k in range(12))
     model = build_model(items)
     for item in items:
         points = visible_surface(model, item.name) + np.array([0, 0, CUBE_HALF_WIDTH])
@@ -44,7 +44,7 @@ def test_held_out_categories_are_not_drawn() -> None:
     assert not everything & {name for item in held_out for name in (item.name, *item.synonyms)}
 
 
-def test_the_eyes_know_the_words_of_both_papers() -> None:
+def test_the_detector_knows_the_words_of_both_papers() -> None:
     known = {name for names, _ in CATEGORIES.values() for name in names}
     colours = {name for names, _ in COLOURS.values() for name in names}
     for item in read_objects("claeo"):
@@ -55,29 +55,29 @@ def test_the_eyes_know_the_words_of_both_papers() -> None:
 
 
 @pytest.fixture(scope="module")
-def pictures() -> list[dict[str, Any]]:
-    world = EyeWorld(np.random.default_rng(0))
-    found = [picture for picture, _ in zip(world.pictures(), range(12), strict=False)]
+def images() -> list[dict[str, Any]]:
+    world = RandomScenes(np.random.default_rng(0))
+    found = [image for image, _ in zip(world.images(), range(12), strict=False)]
     world.close()
     return found
 
 
-def test_boxes_hold_what_stands_out_from_the_table(pictures: list[dict[str, Any]]) -> None:
-    assert sum(len(picture["objects"]) for picture in pictures) > 20
-    for picture in pictures:
-        assert picture["image"].shape == (HEIGHT, WIDTH, 3)
-        for item in picture["objects"]:
+def test_boxes_hold_what_stands_out_from_the_table(images: list[dict[str, Any]]) -> None:
+    assert sum(len(image["objects"]) for image in images) > 20
+    for image in images:
+        assert image["image"].shape == (HEIGHT, WIDTH, 3)
+        for item in image["objects"]:
             x0, y0, x1, y1 = item["box"]
             assert 0 <= x0 < x1 <= 1
             assert 0 <= y0 < y1 <= 1
 
 
-def test_the_same_seed_gives_the_same_pictures(pictures: list[dict[str, Any]]) -> None:
-    world = EyeWorld(np.random.default_rng(0))
-    again = next(world.pictures())
+def test_the_same_seed_gives_the_same_images(images: list[dict[str, Any]]) -> None:
+    world = RandomScenes(np.random.default_rng(0))
+    again = next(world.images())
     world.close()
-    assert (again["image"] == pictures[0]["image"]).all()
-    assert again["objects"] == pictures[0]["objects"]
+    assert (again["image"] == images[0]["image"]).all()
+    assert again["objects"] == images[0]["objects"]
 
 
 SCENE = [
@@ -108,7 +108,7 @@ def test_queries_mean_what_they_say(query: Query, meant: tuple[int, ...] | None)
     assert query.meant(SCENE) == meant
 
 
-def test_queries_are_all_names_and_others_that_fit_the_pictures() -> None:
+def test_queries_are_all_names_and_others_that_fit_the_images() -> None:
     drawn = draw_queries([SCENE, []], np.random.default_rng(0), 60)
     assert len({*drawn}) == len(drawn) == len(NAMES) + 60
     assert {Query(name) for name in NAMES} <= {*drawn}
@@ -121,48 +121,48 @@ def test_queries_are_all_names_and_others_that_fit_the_pictures() -> None:
 
 def test_a_perfect_detection_costs_less_than_a_shifted_or_a_wrong_one() -> None:
     boxes = torch.tensor([[[0.3, 0.3, 0.2, 0.2], [0.7, 0.6, 0.1, 0.2], [0.0, 0.0, 0.0, 0.0]]])
-    says = torch.tensor([[[True, False], [False, False], [False, False]]])
+    positive = torch.tensor([[[True, False], [False, False], [False, False]]])
     known = torch.ones(1, 2, dtype=torch.bool)
-    logits = torch.where(says, 12.0, -12.0)
-    perfect = detection_loss(logits, boxes, says, boxes, known)
+    logits = torch.where(positive, 12.0, -12.0)
+    perfect = detection_loss(logits, boxes, positive, boxes, known)
     assert perfect < 0.01
-    assert detection_loss(logits, boxes + 0.05, says, boxes, known) > perfect + 0.1
-    assert detection_loss(logits.flip(-1), boxes, says, boxes, known) > perfect + 1
-    assert detection_loss(logits.flip(-1), boxes, says, boxes, ~known) < perfect + 0.01
-    nothing = detection_loss(logits, boxes, says & False, torch.zeros_like(boxes), known)
+    assert detection_loss(logits, boxes + 0.05, positive, boxes, known) > perfect + 0.1
+    assert detection_loss(logits.flip(-1), boxes, positive, boxes, known) > perfect + 1
+    assert detection_loss(logits.flip(-1), boxes, positive, boxes, ~known) < perfect + 0.01
+    nothing = detection_loss(logits, boxes, positive & False, torch.zeros_like(boxes), known)
     assert torch.isfinite(nothing)
 
 
-def test_flipped_pictures_keep_left_and_right_true(pictures: list[dict[str, Any]]) -> None:
-    _, processor = make_eyes(TINY, 0)
+def test_flipped_images_keep_left_and_right_true(images: list[dict[str, Any]]) -> None:
+    _, processor = make_detector_model(TINY, 0)
     torch.manual_seed(0)
-    batch = Collator(processor, 4)(pictures)
-    assert batch["pixel_values"].shape == (len(pictures), 3, 64, 64)
-    assert batch["patches"].sort(dim=1).values.tolist() == [[*range(16)]] * len(pictures)
-    assert batch["says"].shape == (len(pictures), 16, len(batch["input_ids"]))
-    assert batch["says"].any(dim=1).any(dim=1).sum() > len(pictures) / 2
+    batch = Collator(processor, 4)(images)
+    assert batch["pixel_values"].shape == (len(images), 3, 64, 64)
+    assert batch["patches"].sort(dim=1).values.tolist() == [[*range(16)]] * len(images)
+    assert batch["positive"].shape == (len(images), 16, len(batch["input_ids"]))
+    assert batch["positive"].any(dim=1).any(dim=1).sum() > len(images) / 2
     assert len(batch["input_ids"]) == batch["known"].shape[1]
     assert 0.5 < batch["known"].float().mean() < 1
-    # A picture is padded at the bottom: nothing is below three quarters of the square.
+    # An image is padded at the bottom: nothing is below three quarters of the square.
     assert (batch["boxes"][..., 1] < HEIGHT / WIDTH).all()
     collate = Collator(processor, 4)
-    rightmost = {float(collate(pictures[:1])["boxes"][0, :, 0].max()) for _ in range(9)}
+    rightmost = {float(collate(images[:1])["boxes"][0, :, 0].max()) for _ in range(9)}
     assert len(rightmost) == 2  # as it is and flipped
 
 
 @pytest.mark.parametrize("count", [0, 1])
-def test_patches_with_an_object_are_looked_at_and_find_it(pictures: list[dict[str, Any]], count: int) -> None:
-    _, processor = make_eyes(TINY, 0)
+def test_patches_with_an_object_are_looked_at_and_find_it(images: list[dict[str, Any]], count: int) -> None:
+    _, processor = make_detector_model(TINY, 0)
     item = {"names": ["mug"], "colours": ["red"], "box": [0.5, 0.4, 0.7, 0.8]}
     collate = Collator(processor, 16, 64)
-    batches = [collate([{**pictures[0], "objects": [item] * count}]) for _ in range(12)]
+    batches = [collate([{**images[0], "objects": [item] * count}]) for _ in range(12)]
     assert {batch["patches"].shape[1] for batch in batches} <= {64, 256}
     for batch in batches:
-        patches, says, boxes = (batch[key][0] for key in ("patches", "says", "boxes"))
+        patches, positive, boxes = (batch[key][0] for key in ("patches", "positive", "boxes"))
         x, y = (patches % 16 + 0.5) / 16, (patches // 16 + 0.5) / 16
         found = boxes[:, 2] > 0
-        assert torch.equal(found, says[:, NAMES.index("mug")])
-        assert not says[:, NAMES.index("banana")].any()
+        assert torch.equal(found, positive[:, NAMES.index("mug")])
+        assert not positive[:, NAMES.index("banana")].any()
         if count:
             centre = boxes[found][:, :2].mean(dim=0)
             assert min(abs(centre[0] - 0.6), abs(centre[0] - 0.4)) < 1e-6
@@ -175,27 +175,27 @@ def test_patches_with_an_object_are_looked_at_and_find_it(pictures: list[dict[st
             assert not found.any()
 
 
-def test_prepared_pictures_are_what_the_processor_makes(pictures: list[dict[str, Any]]) -> None:
-    _, processor = make_eyes(EyesSizes(), 0)
-    picture = {**pictures[0], "image": np.full((240, 320, 3), 128, dtype=np.uint8)}
-    picture["image"][100:140, 60:120] = 30
+def test_prepared_images_are_what_the_processor_makes(images: list[dict[str, Any]]) -> None:
+    _, processor = make_detector_model(DetectorSizes(), 0)
+    image = {**images[0], "image": np.full((240, 320, 3), 128, dtype=np.uint8)}
+    image["image"][100:140, 60:120] = 30
     collate = Collator(processor, 16)
     collate._relight = torch.nn.Identity()
-    mine = collate([picture])["pixel_values"][0]
-    theirs = processor(images=picture["image"], return_tensors="pt")["pixel_values"][0]
+    mine = collate([image])["pixel_values"][0]
+    theirs = processor(images=image["image"], return_tensors="pt")["pixel_values"][0]
     nearest = min((mine - each).abs().mean() for each in (theirs, theirs.flip(-1)))
     assert nearest < 0.01
 
 
-def test_asking_all_pictures_the_same_is_what_the_network_itself_computes(
-    pictures: list[dict[str, Any]],
+def test_asking_all_images_the_same_is_what_the_network_itself_computes(
+    images: list[dict[str, Any]],
 ) -> None:
-    model, processor = make_eyes(TINY, 0)
+    model, processor = make_detector_model(TINY, 0)
     model.eval()
-    batch = Collator(processor, 4)(pictures[:2])
+    batch = Collator(processor, 4)(images[:2])
     asked = {key: batch[key] for key in ("pixel_values", "input_ids", "attention_mask")}
     with torch.no_grad():
-        logits, boxes = look(model, **asked, patches=batch["patches"])
+        logits, boxes = predict_patches(model, **asked, patches=batch["patches"])
         repeated = {key: asked[key].repeat(2, 1) for key in ("input_ids", "attention_mask")}
         whole = model(pixel_values=asked["pixel_values"], **repeated)
     for sample, patches in enumerate(batch["patches"]):
@@ -204,7 +204,7 @@ def test_asking_all_pictures_the_same_is_what_the_network_itself_computes(
 
 
 def test_the_tokenizer_spells_any_name() -> None:
-    _, processor = make_eyes(TINY, 0)
+    _, processor = make_detector_model(TINY, 0)
     texts = ["a photo of a red cube", "a photo of a xylophone", "a photo of a Gießkanne"]
     tokens = processor.tokenizer(texts)["input_ids"]
     unknown = processor.tokenizer.unk_token_id
@@ -213,35 +213,35 @@ def test_the_tokenizer_spells_any_name() -> None:
     assert queries.all_texts()
 
 
-def test_the_embedded_eyes_find_what_is_there_and_nothing_else() -> None:
-    grade = examine("embedded", "claeo", "free", 6)
-    assert grade.found > 0.9
-    assert grade.rejected > 0.9
+def test_the_embedded_detector_finds_what_is_there_and_nothing_else() -> None:
+    metrics = evaluate_detector("embedded", "claeo", "free", 6)
+    assert metrics.recall > 0.9
+    assert metrics.true_negative_rate > 0.9
 
 
-def test_miniature_eyes_learn_are_examined_and_get_a_card(
+def test_a_miniature_detector_learns_is_evaluated_and_gets_a_card(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(train, "_OTHER_PICTURES", 48)
-    config = BackbonesConfig("eyes", tmp_path, steps=30, batch_size=8, pictures=48, learning_rate=2e-3)
-    model, losses = train_eyes(config, TINY)
+    config = BackbonesConfig("detector", tmp_path, steps=30, batch_size=8, images=48, learning_rate=2e-3)
+    model, losses = train_detector(config, TINY)
     assert np.mean(losses[-5:]) < 0.8 * np.mean(losses[:5])
     assert 0 < model.config.score_threshold < 1
-    grade = examine(str(config.model_dir), "claeo", "slots", 2)
-    assert grade.named == 12  # three of six objects, by name and by synonym, twice
-    assert grade.absent == 12
+    metrics = evaluate_detector(str(config.model_dir), "claeo", "slots", 2)
+    assert metrics.present == 12  # three of six objects, by name and by synonym, twice
+    assert metrics.absent == 12
     monkeypatch.setattr(card, "_SCENES", 1)
-    table = card.write_eyes_card(config.model_dir, 0, command=config.command, size="a few")
+    table = card.write_detector_card(config.model_dir, 0, command=config.command, size="a few")
     assert "| household, held-out categories |" in table
     written = (config.model_dir / "README.md").read_text(encoding="utf-8")
     assert table in written
-    assert "owlxt5-backbones --part=eyes --steps=30" in written
-    assert "--pictures=48" in written
+    assert "owlxt5-backbones --part=detector --steps=30" in written
+    assert "--images=48" in written
 
     more = BackbonesConfig(
-        "eyes", tmp_path / "more", 5, 8, 1e-4, pictures=48, seed=2, start_from=config.model_dir
+        "detector", tmp_path / "more", 5, 8, 1e-4, images=48, seed=2, start_from=config.model_dir
     )
-    _, more_losses = train_eyes(more, TINY)
+    _, more_losses = train_detector(more, TINY)
     assert max(more_losses) < min(losses[:5])  # it goes on, and does not begin again
     first, second = more.command.splitlines()
     assert first == config.command

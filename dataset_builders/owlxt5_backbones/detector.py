@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The eyes: a small OWLv2, transformers' own class."""
+"""The detector: a small OWLv2, transformers' own class."""
 
 import json
 from dataclasses import dataclass
@@ -29,8 +29,8 @@ _FIRST_SHIFT, _FIRST_SCALE = -0.4, 8.0
 
 
 @dataclass(frozen=True)
-class EyesSizes:
-    """Sizes of the network; the defaults are those of the eyes that are shipped."""
+class DetectorSizes:
+    """Sizes of the network; the defaults are those of the detector that is shipped."""
 
     image_size: int = 256
     patch_size: int = 16
@@ -42,7 +42,7 @@ class EyesSizes:
     vocabulary: int = 1200
 
 
-def make_eyes(sizes: EyesSizes, seed: int) -> tuple[Owlv2ForObjectDetection, Owlv2Processor]:
+def make_detector_model(sizes: DetectorSizes, seed: int) -> tuple[Owlv2ForObjectDetection, Owlv2Processor]:
     """A network with random weights and its processor, whose tokenizer spells any text."""
     tokenizer = _fit_tokenizer(sizes.vocabulary)
     torch.manual_seed(seed)
@@ -86,8 +86,8 @@ def make_eyes(sizes: EyesSizes, seed: int) -> tuple[Owlv2ForObjectDetection, Owl
     return model, Owlv2Processor(Owlv2ImageProcessor(size=side), tokenizer)
 
 
-def load_eyes(folder: Path) -> tuple[Owlv2ForObjectDetection, Owlv2Processor]:
-    """Trained eyes, ready for further training in full precision."""
+def load_detector_model(folder: Path) -> tuple[Owlv2ForObjectDetection, Owlv2Processor]:
+    """A trained detector, ready for further training in full precision."""
     model = Owlv2ForObjectDetection.from_pretrained(folder, dtype=torch.float32, local_files_only=True)
     model.set_attn_implementation(_ATTENTION)
     return model, Owlv2Processor.from_pretrained(folder, local_files_only=True)
@@ -116,17 +116,17 @@ def _fit_tokenizer(vocabulary: int) -> CLIPTokenizerFast:
     return CLIPTokenizerFast(vocab=numbers, merges=merges, model_max_length=_TEXT_TOKENS)
 
 
-def look(
+def predict_patches(
     model: Any,
     pixel_values: Tensor,
     input_ids: Tensor,
     attention_mask: Tensor,
     patches: Tensor,
 ) -> tuple[Tensor, Tensor]:
-    """Ask the same of some patches of all pictures, each text being encoded once.
+    """Ask the same of some patches of all images, each text being encoded once.
 
     Args:
-        model: An `Owlv2ForObjectDetection`; its own call wants queries for each picture and all patches.
+        model: An `Owlv2ForObjectDetection`; its own call wants queries for each image and all patches.
         pixel_values: (batch, 3, height, width).
         input_ids: (queries, tokens).
         attention_mask: (queries, tokens).
@@ -142,7 +142,7 @@ def look(
     embedded = embedded.gather(1, kept[..., None].expand(-1, -1, embedded.shape[-1]))
     encoded = vision.encoder(inputs_embeds=vision.pre_layernorm(embedded)).last_hidden_state
     encoded = vision.post_layernorm(encoded)
-    pictures = model.layer_norm(encoded[:, 1:] * encoded[:, :1])
+    images = model.layer_norm(encoded[:, 1:] * encoded[:, :1])
     texts = model.owlv2.get_text_features(input_ids, attention_mask).pooler_output
-    logits, _ = model.class_predictor(pictures, texts.expand(len(pictures), -1, -1))
-    return logits, (model.box_head(pictures) + model.box_bias[patches]).sigmoid()
+    logits, _ = model.class_predictor(images, texts.expand(len(images), -1, -1))
+    return logits, (model.box_head(images) + model.box_bias[patches]).sigmoid()

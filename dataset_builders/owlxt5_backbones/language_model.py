@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The language model: a small T5, transformers' own class, and the examples that it is trained on."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from torch import Tensor
+from torch.utils.data import IterableDataset, get_worker_info
+from transformers import PreTrainedTokenizerBase, T5ForConditionalGeneration
+
+from lerobot_owlxt5.backbones.language_model import IGNORED
+from lerobot_owlxt5.backbones.small_t5 import SmallT5Config, make_small_t5
+from lerobot_owlxt5.commands import prompts
+from lerobot_owlxt5.commands.verbs import VERBS
+
+from .catalogue import COLOURS
+from .grammar import capital, draw_thing, draw_translation
+from .rng import choice
+
+TEXTS_FOR_THE_TOKENIZER = 20_000
+
+_MORE = {"push": ("shove the {}", "push the {} away"), "pull": ("drag the {}", "pull the {} closer")}
+COMMANDS = {
+    verb.phrases[0]: (
+        f"{verb.phrases[0]} {{}}",
+        f"{next(phrase for phrase in verb.phrases if phrase.startswith('move '))} {{}}",
+        verb.imperative.format("the {}"),
+        *_MORE.get(verb.name, ()),
+    )
+    for verb in VERBS.values()
+}
+"""For each of CLANT's verbs the ways to say it: CLANT's own two, and others."""
+
+Example = tuple[str, str]
+
+
+def draw_example(rng: np.random.Generator) -> Example:
+    """Draw a prompt, as the policies write them, and what a T5 answers that neither sees nor moves.
+
+    A command is told again in the words of the datasets, so that its encoding holds what it means; a thing
+    to describe is named. What was done to it is for the policy to add.
+    """
+    kinds, shares = zip(*KINDS.values(), strict=True)
+    draw: Callable[[np.random.Generator], Example] = kinds[int(rng.choice(len(kinds), p=shares))]
+    return draw(rng)
+
+
+class Examples(IterableDataset[Example]):
+    """Examples without end, the same for the same seed.
+
+    Args:
+        seed: Of what is drawn.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+
+    def __iter__(self) -> Iterator[Example]:
+        worker = get_worker_info()
+        rng = np.random.default_rng((self._seed, worker.id if worker else 0))
+        while True:
+            yield draw_example(rng)
+
+
+class ExampleCollator:
+    """Makes a batch of examples.
+
+    Args:
+        tokenizer: The language model's.
+    """
+
+    def __init__(self, tokenizer: PreTrainedTokenizerBase) -> None:
+        self._tokenizer = tokenizer
+
+    def __call__(self, examples: Sequence[Example]) -> dict[str, Tensor]:
+        """`input_ids`, `attention_mask` and `labels` as T5 takes them."""
+        prompts, answers = zip(*examples, strict=True)
+        inputs = self._tokenizer(list(prompts), padding=True, return_tensors="pt")
+        targets = self._tokenizer(list(answers), padding=True, return_tensors="pt")
+        labels = targets["input_ids"].masked_fill(targets["attention_mask"] == 0, IGNORED)
+        return {
+            "input_ids": inputs["input_ids"],
+            "attention_mask": inputs["attention_mask"],
+            "labels": labels,
+        }
+
+
+def make_language_model(sizes: SmallT5Config) -> T5ForConditionalGeneration:
+    """A T5 with random weights, in the folder of its configuration, whose tokenizer fits the examples."""
+    rng = np.random.default_rng(sizes.seed)
+    texts = [text for _ in range(TEXTS_FOR_THE_TOKENIZER) for text in draw_example(rng)]
+    return make_small_t5(sizes, texts)
+
+
+def shipped_sizes(folder: Path, seed: int) -> SmallT5Config:
+    """Sizes of the language model that is shipped."""
+    return SmallT5Config(
+        folder, vocab_size=1000, d_model=192, d_kv=32, d_ff=768, num_layers=3, num_heads=6, seed=seed
+    )
+
+
+def _name(rng: np.random.Generator) -> str:
+    """What a command may name: a thing, or a cube by its colour alone."""
+    if rng.random() < 0.2:
+        return choice(rng, choice(rng, [*COLOURS.values()])[0])
+    return draw_thing(rng).english
+
+
+def _translate(rng: np.random.Generator) -> Example:
+    english, german = draw_translation(rng)
+    return prompts.translate_prompt(capital(english) if rng.random() < 0.7 else english), german
+
+
+def _execute(rng: np.random.Generator) -> Example:
+    verb, name = choice(rng, [*COMMANDS]), _name(rng)
+    return prompts.execute_prompt(choice(rng, COMMANDS[verb]).format(name)), f"{verb} {name}"
+
+
+def _describe(rng: np.random.Generator) -> Example:
+    name = _name(rng)
+    return prompts.describe_prompt(name), name
+
+
+def _describe_with_verb(rng: np.random.Generator) -> Example:
+    """Shows the decoder what the policy will ask of it: a verb that the prompt's encoding has in it."""
+    verb, name = choice(rng, [*COMMANDS]), _name(rng)
+    return prompts.describe_prompt(f"{verb} {name}"), f"{verb} {name}"
+
+
+def _repeat(rng: np.random.Generator) -> Example:
+    said = choice(rng, COMMANDS[choice(rng, [*COMMANDS])]).format(_name(rng))
+    return prompts.repeat_language_prompt(said), said
+
+
+def _repeat_action(rng: np.random.Generator) -> Example:
+    return prompts.repeat_action_prompt(), ""
+
+
+KINDS: dict[str, tuple[Callable[[np.random.Generator], Example], float]] = {
+    "translate": (_translate, 0.5),
+    "execute": (_execute, 0.15),
+    "describe": (_describe, 0.1),
+    "describe with a verb": (_describe_with_verb, 0.1),
+    "repeat language": (_repeat, 0.14),
+    "repeat action": (_repeat_action, 0.01),
+}
+"""Kinds of examples, how each is drawn, and how often."""
