@@ -1,22 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Speed of the data set builder: python benchmarks/build.py [ARRANGEMENTS], with the scripted expert.
+"""Speed of the dataset builder with the scripted expert: python benchmarks/build.py [--arrangements=4].
 
-Builds ARRANGEMENTS (4) x 12 episodes at 240 x 320 with one worker and with two. Then replays twelve episodes
-in this process to say what the time of one core goes into. On a machine that does other work too, trust the
-processor time (user and system, of all processes), not the wall time.
+Builds 12 episodes for each arrangement at 240 x 320, with one worker and with two. Then replays twelve
+episodes in this process to say what the time of one core goes into. On a machine that does other work
+too, trust the processor time (user and system, of all processes), not the wall time.
 """
 
 import resource
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import draccus
 import pyarrow.parquet as pq
 from lerobot.datasets.compute_stats import RunningQuantileStats
 from rich.console import Console
@@ -29,6 +30,17 @@ from nico_tabletop.objects import read_objects
 from nico_tabletop.simulation import TabletopSimulation
 
 HEIGHT, WIDTH = 240, 320
+
+
+@dataclass
+class BuildSpeedConfig:
+    """What to build.
+
+    Args:
+        arrangements: How many arrangements; each makes twelve episodes.
+    """
+
+    arrangements: int = 4
 
 
 def _timed(spent: dict[str, float], owner: Any, method: str, part: str) -> None:
@@ -56,15 +68,15 @@ def _split(folder: Path) -> tuple[dict[str, float], int]:
     _timed(spent, TabletopSimulation, "object_boxes", "boxes")
     _timed(spent, TabletopSimulation, "segmented_boxes", "boxes")
     _timed(spent, TabletopSimulation, "render", "rendering")
-    _timed(spent, RunningQuantileStats, "update", "statistics of the pictures")
+    _timed(spent, RunningQuantileStats, "update", "statistics of the images")
     _timed(spent, builder, "_join_takes", "joining")
     main, all_threads = time.thread_time(), time.process_time()
     builder.build_dataset(
         demonstrations, read_objects("clant"), "local/split", folder / "split", recipe={}, **options
     )
     main, all_threads = time.thread_time() - main, time.process_time() - all_threads
-    # All threads but this one encode, and compute the statistics of the pictures.
-    spent["encoding"] = all_threads - main - spent["statistics of the pictures"]
+    # All threads but this one encode, and compute the statistics of the images.
+    spent["encoding"] = all_threads - main - spent["statistics of the images"]
     spent["the rest of LeRobot"] = all_threads - sum(spent.values())
     return spent, sum(len(demonstration.joints) for demonstration in demonstrations)
 
@@ -81,19 +93,21 @@ def _build(root: Path, arrangements: int, workers: int) -> tuple[float, float, i
     return wall, cpu, frames
 
 
-def main() -> None:
+@draccus.wrap()
+def main(config: BuildSpeedConfig) -> None:
     """Measure and print."""
-    arrangements = int(sys.argv[1]) if len(sys.argv) > 1 else 4
     console = Console()
     quiet()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        speeds = Table(title=f"{12 * arrangements} episodes at {HEIGHT} x {WIDTH}, with start-up and joining")
+        speeds = Table(
+            title=f"{12 * config.arrangements} episodes at {HEIGHT} x {WIDTH}, with start-up and joining"
+        )
         for heading in ("workers", "wall s", "processor s", "frames/s (wall)", "frames/s of a core"):
             speeds.add_column(heading, justify="right")
         walls = {}
         for workers in (1, 2):
-            wall, cpu, frames = _build(folder / str(workers), arrangements, workers)
+            wall, cpu, frames = _build(folder / str(workers), config.arrangements, workers)
             walls[workers] = wall
             numbers = wall, cpu, frames / wall, frames / cpu
             speeds.add_row(str(workers), *(f"{number:.1f}" for number in numbers))

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far exact movements get that know one point of a box: python benchmarks/ceiling.py [SCENES [SEED]].
+"""How far exact movements get that know one point of a box: python benchmarks/ceiling.py [--scenes=720].
 
 Learns from cubes where on the table an object stands whose box has its centre, or its foot, at a place in the
-picture, and lets the scripted expert act on CLAEO's objects where it takes them to be. Boxes are the
+image, and lets the scripted expert act on CLAEO's objects where it takes them to be. Boxes are the
 simulator's **ground truth**, places are free, nothing is rendered. What is missing to 100 % is what the point
 does not tell the expert: a guide for policies on the same input, not a bound.
 """
 
-import sys
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
+import draccus
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ from nico_tabletop.tasks import ACTIONS, arrangements
 Array = NDArray[np.float64]
 ASPECT = 4 / 3
 CUBE_SCENES = 400
-# NICO's eyes, see `--policy.nadir`.
+# NICO's camera, see `--policy.nadir`.
 NADIR = 1.086
 POINTS: dict[str, Callable[[Detections], Tensor]] = {
     "centre": lambda found: found.centre,
@@ -39,6 +40,19 @@ POINTS: dict[str, Callable[[Detections], Tensor]] = {
     "foot": lambda found: found.foot(NADIR),
 }
 TRUE_PLACE, ALL = "the true place", "all objects"
+
+
+@dataclass
+class CeilingConfig:
+    """In which scenes to act.
+
+    Args:
+        scenes: How many, the twelve actions in turn.
+        seed: Of the cubes' and the objects' places.
+    """
+
+    scenes: int = 720
+    seed: int = 1
 
 
 def _seen(boxes: Sequence[Array]) -> Detections:
@@ -66,16 +80,15 @@ def _fit(simulation: TabletopSimulation, seed: int) -> dict[str, Array]:
     }
 
 
-def main() -> None:
+@draccus.wrap()
+def main(config: CeilingConfig) -> None:
     """Fit, act, count."""
-    scenes = int(sys.argv[1]) if len(sys.argv) > 1 else 720
-    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
-    coefficients = _fit(TabletopSimulation(read_objects("clant")), seed)
+    coefficients = _fit(TabletopSimulation(read_objects("clant")), config.seed)
     simulation = TabletopSimulation(read_objects("claeo"))
     choices = arrangements(tuple(simulation.objects))
     counts: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
-    for number in tqdm(range(scenes), unit="scene"):
-        random = np.random.default_rng((seed, 1, number))
+    for number in tqdm(range(config.scenes), unit="scene"):
+        random = np.random.default_rng((config.seed, 1, number))
         poses, names = draw_poses(random), choices[random.integers(len(choices))]
         action = ACTIONS[number % len(ACTIONS)]
         simulation.reset(names, poses)
@@ -93,7 +106,9 @@ def main() -> None:
                 outcome = str(Outcome.FAILURE)
             for group in (names[action.slot], ALL):
                 counts[kind, group][outcome] += 1
-    table = Table(title=f"Perfect on freely placed CLAEO objects, seed {seed}: exact movements, ground truth")
+    table = Table(
+        title=f"Perfect on freely placed CLAEO objects, exact movements, ground truth, seed {config.seed}"
+    )
     groups = [*simulation.objects, ALL]
     for heading in ("what is known", *groups):
         table.add_column(heading)

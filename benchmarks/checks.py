@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs four checkers from PyPI and LeRobot's viewer on data sets that `owlxt5-dataset` has made.
+"""Runs four checkers from PyPI and LeRobot's viewer on datasets that `owlxt5-dataset` has made.
 
-Usage: python benchmarks/checks.py FOLDER [FOLDER ...]
+    python benchmarks/checks.py --dataset_roots='[data/clant, data/claeo]'
 
 Needs `uv`, whose `uvx` fetches each checker into an environment of its own (lerobot-lint's holds a second
 PyTorch). Prints what they find, by rule. Exit status 1 if docs/datasets.md does not explain one of them.
@@ -13,7 +13,10 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+
+import draccus
 
 Finding = tuple[str, str]  # severity, rule
 
@@ -43,6 +46,17 @@ REQUIREMENTS = {
     "deepen-grade": ("deepen-grade[lerobot]==0.4.1",),
     "viewer": ("lerobot[dataset,viz]==0.6.1",),
 }
+
+
+@dataclass
+class ChecksConfig:
+    """What to check.
+
+    Args:
+        dataset_roots: Folders of LeRobotDatasets.
+    """
+
+    dataset_roots: list[Path]
 
 
 def uvx(tool: str) -> list[str]:
@@ -120,10 +134,11 @@ def view(copy: Path, folder: Path) -> str:
     return f"opened, a recording of {recording.stat().st_size // 1024} KiB"
 
 
-def main() -> None:
-    """Check every folder that the command line names."""
+@draccus.wrap()
+def main(config: ChecksConfig) -> None:
+    """Check every dataset."""
     new = 0
-    for root in (Path(name).resolve() for name in sys.argv[1:]):
+    for root in (root.resolve() for root in config.dataset_roots):
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             copy = without_language(root, folder)

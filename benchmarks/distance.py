@@ -1,19 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws success against the distance from the slots: python benchmarks/distance.py PICTURE NAME=EVAL_INFO...
+"""Draws success against the distance from the slots.
 
-Needs `pip install matplotlib`.
+    python benchmarks/distance.py --image=distance.png --results='{slots: slots/eval_info.json, …}'
 
-Each EVAL_INFO is an `eval_info.json` of `lerobot-eval --env.placement=free --eval.batch_size=1` with
-LeRobot's own seed. It does not say where objects stood; but the environment's seeds tell, as they are counted
-up from there. The distance is that of the object acted on to the nearest of CLANT's slots.
+Needs `pip install matplotlib`. Each result is an `eval_info.json` of `lerobot-eval --env.placement=free
+--eval.batch_size=1` with LeRobot's own seed. It does not say where objects stood; but the environment's
+seeds tell, as they are counted up from there. The distance is that of the object acted on to the nearest of
+CLANT's slots.
 """
 
 import json
-import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+import draccus
 import matplotlib.pyplot as plt
 import numpy as np
 from lerobot.configs.eval import EvalPipelineConfig
@@ -31,6 +33,19 @@ from nico_tabletop.tasks import ACTIONS
 
 BINS_CM = [*pairwise((0, 1, 2, 3, 4, 5, 6, 8, 12))]
 FIRST_SEED = EvalPipelineConfig.__dataclass_fields__["seed"].default
+
+
+@dataclass
+class DistanceConfig:
+    """What to draw.
+
+    Args:
+        image: File to draw into.
+        results: `eval_info.json` of each policy, by the name that the legend gives it.
+    """
+
+    image: Path
+    results: dict[str, Path]
 
 
 def _trials(path: Path) -> Iterator[tuple[float, float]]:
@@ -59,16 +74,16 @@ def _shares(trials: NDArray[np.float64], reward: float) -> Iterator[tuple[float,
         yield right / rewards.size, interval.low, interval.high, rewards.size
 
 
-def main() -> None:
+@draccus.wrap()
+def main(config: DistanceConfig) -> None:
     """Read, count and draw."""
-    picture = Path(sys.argv[1])
     figure, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")
     middles = [(start + end) / 2 for start, end in BINS_CM]
     table = Table(title="Perfect, by distance of the object from the nearest slot")
     for heading in ("policy", *(f"{a} to {b} cm" for a, b in BINS_CM), "all"):
         table.add_column(heading)
-    for name, _, path in (text.partition("=") for text in sys.argv[2:]):
-        trials = np.array([*_trials(Path(path))])
+    for name, path in config.results.items():
+        trials = np.array([*_trials(path)])
         share, low, high, count = np.array([*_shares(trials, Outcome.PERFECT.reward)]).T
         [line] = axes.plot(middles, share, marker=".", label=name)
         axes.fill_between(middles, low, high, alpha=0.2, color=line.get_color())
@@ -78,9 +93,9 @@ def main() -> None:
     axes.yaxis.set_major_formatter(PercentFormatter(1))
     axes.grid(alpha=0.3)
     axes.legend()
-    figure.savefig(picture, dpi=100)
+    figure.savefig(config.image, dpi=100)
     Console().print(table)
-    print(f"Picture: {picture}")
+    print(f"Image: {config.image}")
 
 
 if __name__ == "__main__":

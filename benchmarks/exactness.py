@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compare every value of a data set with the original release: python benchmarks/exactness.py ROOT [OBJECTS].
+"""Compare every value of a dataset with the original release.
+
+    python benchmarks/exactness.py --dataset_root=data/clant [--objects=clant]
 
 Needs the release's folder in OWLXT5_CLANT_DIR. Exit status 1 if any episode differs; the first ten are named.
 """
@@ -7,9 +9,11 @@ Needs the release's folder in OWLXT5_CLANT_DIR. Exit status 1 if any episode dif
 import json
 import os
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import draccus
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
@@ -18,6 +22,19 @@ from clant_claeo.demonstrations import Demonstration, from_release
 from clant_claeo.release import read_release
 from nico_tabletop.env import NAME_BYTES
 from nico_tabletop.tasks import SLOTS
+
+
+@dataclass
+class ExactnessConfig:
+    """What to compare.
+
+    Args:
+        dataset_root: Folder of a LeRobotDataset made from the release.
+        objects: Set of objects that it was made with.
+    """
+
+    dataset_root: Path
+    objects: str = "clant"
 
 
 def _differences(
@@ -51,13 +68,13 @@ def _differences(
     return [name for name, equal in checks.items() if not equal]
 
 
-def main() -> None:
+@draccus.wrap()
+def main(config: ExactnessConfig) -> None:
     """Compare and report."""
-    root = Path(sys.argv[1])
-    objects = sys.argv[2] if len(sys.argv) > 2 else "clant"
+    root = config.dataset_root
     due = {
         (demonstration.task, demonstration.arrangement): demonstration
-        for demonstration in from_release(read_release(os.environ["OWLXT5_CLANT_DIR"]), objects)
+        for demonstration in from_release(read_release(os.environ["OWLXT5_CLANT_DIR"]), config.objects)
     }
     info = json.loads((root / "meta/info.json").read_text())
     splits = {name: range(*map(int, span.split(":"))) for name, span in info["splits"].items()}

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often the scripted expert's plan is perfect: python benchmarks/expert.py [OBJECTS [SCENES [SEED]]].
+"""How often the scripted expert's plan is perfect: python benchmarks/expert.py [--objects=clant].
 
-Acts in so many random free scenes (default 1000), the twelve actions in turn, and once on the slots with each
+Acts in random free scenes, the twelve actions in turn, and once on the slots with each
 action. A plan is made from the objects' poses alone and never tried out before it counts. No rendering.
 """
 
-import sys
 import time
 from collections import Counter, defaultdict
+from dataclasses import dataclass
 
+import draccus
 import numpy as np
 from rich.console import Console
 from rich.table import Table
@@ -25,6 +26,21 @@ from nico_tabletop.tasks import ACTIONS, Action, arrangements
 OUT_OF_REACH = "out of reach"
 
 
+@dataclass
+class ExpertConfig:
+    """In which scenes to act.
+
+    Args:
+        objects: Set of objects.
+        scenes: How many free scenes.
+        seed: Of these scenes.
+    """
+
+    objects: str = "clant"
+    scenes: int = 1000
+    seed: int = 0
+
+
 def attempt(simulation: TabletopSimulation, action: Action, names: tuple[str, ...], poses: Poses) -> str:
     """Outcome of the expert's plan, or that it found none."""
     try:
@@ -35,24 +51,22 @@ def attempt(simulation: TabletopSimulation, action: Action, names: tuple[str, ..
     return replay(simulation, action, joints)
 
 
-def main() -> None:
+@draccus.wrap()
+def main(config: ExpertConfig) -> None:
     """Draw, plan, act, judge and report."""
-    objects = sys.argv[1] if len(sys.argv) > 1 else "clant"
-    scenes = int(sys.argv[2]) if len(sys.argv) > 2 else 1000
-    seed = int(sys.argv[3]) if len(sys.argv) > 3 else 0
-    simulation = TabletopSimulation(read_objects(objects))
+    simulation = TabletopSimulation(read_objects(config.objects))
     choices = arrangements(tuple(simulation.objects))
     slots = Counter(attempt(simulation, action, choices[0], SLOT_POSES) for action in ACTIONS)
     free: dict[str, Counter[str]] = defaultdict(Counter)
     began = time.perf_counter()
-    for number in tqdm(range(scenes), unit="scene"):
-        random = np.random.default_rng((seed, number))
+    for number in tqdm(range(config.scenes), unit="scene"):
+        random = np.random.default_rng((config.seed, number))
         poses, names = draw_poses(random), choices[random.integers(len(choices))]
         action = ACTIONS[number % len(ACTIONS)]
         free[action.name][attempt(simulation, action, names, poses)] += 1
     seconds = time.perf_counter() - began
 
-    table = Table(title=f"The scripted expert on {objects}, seed {seed}")
+    table = Table(title=f"The scripted expert on {config.objects}, seed {config.seed}")
     for heading in ("placement", "action", "scenes", *Outcome, OUT_OF_REACH):
         table.add_column(str(heading), justify="left" if heading in ("placement", "action") else "right")
     total = sum(free.values(), Counter())
@@ -63,7 +77,7 @@ def main() -> None:
     console = Console()
     console.print(table)
     share = total[Outcome.PERFECT] / total.total()
-    console.print(f"{share:.1%} of the free scenes perfect; {seconds / scenes:.2f} s a scene")
+    console.print(f"{share:.1%} of the free scenes perfect; {seconds / config.scenes:.2f} s a scene")
 
 
 if __name__ == "__main__":

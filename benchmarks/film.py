@@ -1,22 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Films a trained owlxt5 at six commands: python benchmarks/film.py CHECKPOINT FILM.gif [POLICY OPTIONS].
+"""Films a trained owlxt5 at six commands.
 
-Options are such as --detector=embedded. Each panel is what NICO sees of an everyday object. The circle is
-where its detector found the named object before it moved, with the score; the last line is what it says of
-its movement afterwards, from two pictures and its own joints alone.
+    python benchmarks/film.py --checkpoint=outputs/owlxt5/checkpoints/last/pretrained_model --image=film.gif
+
+Each panel is what NICO sees of an everyday object. The circle is where its detector found the named object
+before it moved, with the score; the last line is what it says of its movement afterwards, from two images
+and its own joints alone.
 """
 
-import sys
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import draccus
 import torch
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies import make_pre_post_processors
-from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
+from lerobot.utils.constants import OBS_IMAGES, OBS_STATE
 from PIL import Image, ImageDraw, ImageFont
+from torch import Tensor
 
+from lerobot_owlxt5 import finished_episode
 from lerobot_owlxt5.configuration_owlxt5 import OBS_OBJECTS
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 from nico_tabletop.env import TabletopEnv
@@ -37,6 +41,21 @@ EVERY, REST = 2, 16  # steps of a frame, and frames at the end
 CAMERA = f"{OBS_IMAGES}.{EYES}"
 
 
+@dataclass
+class FilmConfig:
+    """What to film.
+
+    Args:
+        checkpoint: Folder of a trained owlxt5, its `pretrained_model`.
+        image: GIF to write.
+        policy_options: Of the policy, in place of the checkpoint's own, such as `[--detector=embedded]`.
+    """
+
+    checkpoint: Path
+    image: Path
+    policy_options: list[str] = field(default_factory=list)
+
+
 class Shot:
     """One rollout, the command, where the object was found, and what the policy says afterwards."""
 
@@ -49,51 +68,41 @@ class Shot:
         self.command = env.task_description
         first = _batch(observation, self.command)
         name = self.command.split(" ", 1)[1]
-        found = policy.detector(before(dict(first)), [[name]])
+        detector = policy.visual.detector
+        found = detector(before(dict(first)), [[name]])
         self.centre, self.score = found.centre[0, 0].tolist(), float(found.score[0, 0])
-        self.found = self.score >= policy.detector.threshold
+        self.found = self.score >= detector.threshold
         policy.reset()
-        self.frames, actions = [observation["pixels"][EYES]], list[np.ndarray]()
+        self.frames, actions = [observation["pixels"][EYES]], list[Tensor]()
         done = False
         while not done:
-            action_ = after(policy.select_action(before(_batch(observation, self.command))))[0].numpy()
-            observation, _, _, done, info = env.step(action_)
-            actions.append(action_)
+            actions.append(after(policy.select_action(before(_batch(observation, self.command)))))
+            observation, _, _, done, info = env.step(actions[-1][0].numpy())
             self.frames.append(observation["pixels"][EYES])
         self.outcome = info["outcome"]
         moved = [step for step in range(1, len(actions)) if (actions[step] != actions[step - 1]).any()]
         length = moved[-1] + 1 if moved else 1
-        self.says = _describe(policy, before, first, _batch(observation, ""), actions[:length])
+        last = _batch(observation, self.command)
+        episode = finished_episode([first, last], actions[:length], policy.config.max_episode_steps)
+        labels = [item.name for item in read_objects("claeo")]
+        [self.says] = policy.describe(before(episode), labels=labels)
         env.close()
 
 
 def _batch(observation: dict[str, Any], task: str) -> dict[str, Any]:
-    picture = torch.from_numpy(observation["pixels"][EYES].copy()).permute(2, 0, 1)[None].float() / 255
+    image = torch.from_numpy(observation["pixels"][EYES].copy()).permute(2, 0, 1)[None].float() / 255
     return {
-        CAMERA: picture,
+        CAMERA: image,
         OBS_STATE: torch.from_numpy(observation["agent_pos"])[None],
         OBS_OBJECTS: torch.from_numpy(observation["objects"])[None],
         "task": [task],
     }
 
 
-def _describe(
-    policy: OWLxT5Policy, before: Any, first: dict[str, Any], last: dict[str, Any], actions: list[np.ndarray]
-) -> str:
-    """What was done, in the layout that LeRobot's loader gives to a finished episode's first frame."""
-    horizon = policy.config.max_episode_steps
-    window = np.stack([actions[0]] * (horizon - 1) + actions + [actions[-1]] * (horizon - len(actions)))
-    step = np.arange(1 - horizon, horizon)
-    batch = {key: torch.stack([first[key], last[key]], dim=1) for key in (CAMERA, OBS_STATE, OBS_OBJECTS)}
-    batch |= {ACTION: torch.from_numpy(window)[None], "task": [""]}
-    batch |= {"action_is_pad": torch.from_numpy((step < 0) | (step >= len(actions)))[None]}
-    return policy.describe(before(batch), labels=[item.name for item in read_objects("claeo")])[0]
-
-
 def _panel(shot: Shot, frame: int, *, ended: bool) -> Image.Image:
     panel = Image.new("RGB", (WIDTH, HEIGHT + 2 * LINE), "white")
-    picture = Image.fromarray(shot.frames[min(frame, len(shot.frames) - 1)]).resize((WIDTH, HEIGHT))
-    panel.paste(picture, (0, LINE))
+    image = Image.fromarray(shot.frames[min(frame, len(shot.frames) - 1)]).resize((WIDTH, HEIGHT))
+    panel.paste(image, (0, LINE))
     draw, font = ImageDraw.Draw(panel), ImageFont.load_default(13)
     draw.text((6, 1), f"“{shot.command}”", "black", font)
     if shot.found:
@@ -105,26 +114,27 @@ def _panel(shot: Shot, frame: int, *, ended: bool) -> Image.Image:
     return panel
 
 
-def main() -> None:
+@draccus.wrap()
+def main(config: FilmConfig) -> None:
     """Roll out, draw, and say what happened."""
-    checkpoint, film = Path(sys.argv[1]), Path(sys.argv[2])
-    config = PreTrainedConfig.from_pretrained(checkpoint, cli_overrides=sys.argv[3:])
-    policy = OWLxT5Policy.from_pretrained(checkpoint, config=config)
-    processors = make_pre_post_processors(policy.config, str(checkpoint))
+    trained = PreTrainedConfig.from_pretrained(config.checkpoint, cli_overrides=config.policy_options)
+    policy = OWLxT5Policy.from_pretrained(config.checkpoint, config=trained)
+    processors = make_pre_post_processors(policy.config, str(config.checkpoint))
     shots = [Shot(policy, processors, *shot) for shot in SHOTS]
     for shot in shots:
         print(f"{shot.command}: score {shot.score:.2f}, {shot.outcome}; says: {shot.says}")
     steps = max(len(shot.frames) for shot in shots)
-    images = []
+    pages = []
     for number in range(0, steps // EVERY + REST):
         rows = -(-len(shots) // COLUMNS)
         page = Image.new("RGB", (COLUMNS * WIDTH, rows * (HEIGHT + 2 * LINE)), "white")
         for place, shot in enumerate(shots):
             corner = place % COLUMNS * WIDTH, place // COLUMNS * (HEIGHT + 2 * LINE)
             page.paste(_panel(shot, number * EVERY, ended=number * EVERY >= steps - 1), corner)
-        images.append(page.quantize(96, dither=Image.Dither.NONE))
-    images[0].save(film, save_all=True, append_images=images[1:], duration=100 * EVERY, loop=0, optimize=True)
-    print(f"{film}: {film.stat().st_size / 1e6:.1f} MB")
+        pages.append(page.quantize(96, dither=Image.Dither.NONE))
+    animation = {"save_all": True, "append_images": pages[1:], "duration": 100 * EVERY, "loop": 0}
+    pages[0].save(config.image, optimize=True, **animation)
+    print(f"{config.image}: {config.image.stat().st_size / 1e6:.1f} MB")
 
 
 if __name__ == "__main__":

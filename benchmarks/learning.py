@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws learning curves: python benchmarks/learning.py PICTURE DATASET_FOLDER NAME=TRAINING_FOLDER...
+"""Draws learning curves.
+
+    python benchmarks/learning.py --image=learning.png --dataset_root=data/clant
+        --trainings='{owlxt5: outputs/owlxt5, crosst5: outputs/crosst5}'
 
 Runs `owlxt5-evaluate` on every sixth episode of the test split with each checkpoint of the trainings
 (`--save_freq` makes them) and draws what it says over the training steps. What is evaluated already, in
-TRAINING_FOLDER/evaluated, is not evaluated again.
+`evaluated` of the training's folder, is not evaluated again. Needs `pip install matplotlib`.
 """
 
 import json
 import subprocess
-import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import draccus
 import matplotlib.pyplot as plt
 from lerobot.datasets import LeRobotDatasetMetadata
 from matplotlib.ticker import PercentFormatter
@@ -20,6 +24,21 @@ from tqdm import tqdm
 CURVES = (("execute", "nrmse"), ("repeat action", "nrmse"), ("describe", "bleu2"))
 EVERY = 6
 TITLES = {"nrmse": "NRMSE", "bleu2": "BLEU-2"}
+
+
+@dataclass
+class LearningConfig:
+    """What to draw.
+
+    Args:
+        image: File to draw into.
+        dataset_root: Folder of CLANT as a LeRobotDataset with a split `test`.
+        trainings: Output folder of each training, by the name that the legend gives it.
+    """
+
+    image: Path
+    dataset_root: Path
+    trainings: dict[str, Path]
 
 
 def _evaluate(checkpoint: Path, dataset: Path, episodes: list[int], output: Path) -> list[dict[str, Any]]:
@@ -34,19 +53,18 @@ def _evaluate(checkpoint: Path, dataset: Path, episodes: list[int], output: Path
     return rows
 
 
-def main() -> None:
+@draccus.wrap()
+def main(config: LearningConfig) -> None:
     """Evaluate and draw."""
-    picture, dataset = Path(sys.argv[1]), Path(sys.argv[2])
-    meta = LeRobotDatasetMetadata("local/clant", root=dataset)
+    meta = LeRobotDatasetMetadata("local/clant", root=config.dataset_root)
     start, end = map(int, (meta.info.splits or {})["test"].split(":"))
     episodes = [*range(start, end, EVERY)]
-    trainings = [(name, Path(folder)) for name, _, folder in (text.partition("=") for text in sys.argv[3:])]
     figure, panels = plt.subplots(1, len(CURVES), figsize=(11, 3.2), layout="constrained")
-    for name, training in trainings:
+    for name, training in config.trainings.items():
         checkpoints = sorted(path for path in (training / "checkpoints").iterdir() if path.name.isdigit())
         rows = {
             int(checkpoint.name): _evaluate(
-                checkpoint, dataset, episodes, training / "evaluated" / checkpoint.name
+                checkpoint, config.dataset_root, episodes, training / "evaluated" / checkpoint.name
             )
             for checkpoint in tqdm(checkpoints, desc=name, unit="checkpoint")
         }
@@ -64,8 +82,8 @@ def main() -> None:
         panel.yaxis.set_major_formatter(PercentFormatter())
         panel.grid(alpha=0.3)
     panels[0].legend()
-    figure.savefig(picture, dpi=100)
-    print(f"Picture: {picture}")
+    figure.savefig(config.image, dpi=100)
+    print(f"Image: {config.image}")
 
 
 if __name__ == "__main__":

@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Speed of the policy: python benchmarks/policy.py FOLDER [DEVICE], with CLANT as a LeRobotDataset.
+"""Speed of the policy: python benchmarks/policy.py --dataset_root=data/clant [--device=cuda].
 
 Paper's sizes, batches of 64 in the default mix of modes, a T5-small with random weights and 32,128 tokens, no
 detector (ground truth). Data loading is excluded: the batches lie in memory. Prints the seconds of a training
 step (forward, backward, Adam) in float32 and under bfloat16 autocast, with the share of the speed at which
 the same machine multiplies matrices, the milliseconds of the first and of every later `select_action`, and
-how long OWLv2-base and the embedded eyes look at an image.
+how long OWLv2-base and the embedded detector take for an image.
 """
 
-import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import draccus
 import torch
 from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
 from lerobot.datasets.factory import resolve_delta_timestamps
@@ -35,6 +36,19 @@ from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
 PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
 BATCHES, BATCH_SIZE = 8, 64
 VOCABULARY = 32128
+
+
+@dataclass
+class PolicySpeedConfig:
+    """What to measure with.
+
+    Args:
+        dataset_root: Folder of CLANT as a LeRobotDataset.
+        device: `cpu` or `cuda`.
+    """
+
+    dataset_root: Path
+    device: str = "cpu"
 
 
 def _t5_small(folder: Path, root: Path) -> Path:
@@ -82,18 +96,18 @@ def _lstm_operations(module: torch.nn.LSTM, inputs: tuple[Tensor, ...], count: l
     count[0] += 2 * weights * rows
 
 
-def main() -> None:
+@draccus.wrap()
+def main(config: PolicySpeedConfig) -> None:
     """Measure and print."""
-    root = Path(sys.argv[1])
-    device = sys.argv[2] if len(sys.argv) > 2 else "cpu"
+    root, device = config.dataset_root, config.device
     console = Console()
     with tempfile.TemporaryDirectory() as folder:
         t5 = _t5_small(Path(folder), root)
-        config = OWLxT5Config(language_model=str(t5), detector="ground_truth", device=device)
+        policy_config = OWLxT5Config(language_model=str(t5), detector="ground_truth", device=device)
         meta = LeRobotDatasetMetadata("local/speed", root=root)
-        policy = make_policy(config, ds_meta=meta)
-    preprocessor, _ = make_pre_post_processors(config, dataset_stats=meta.stats)
-    batches = _batches(root, config, preprocessor)
+        policy = make_policy(policy_config, ds_meta=meta)
+    preprocessor, _ = make_pre_post_processors(policy_config, dataset_stats=meta.stats)
+    batches = _batches(root, policy_config, preprocessor)
     optimizer = torch.optim.Adam(policy.get_optim_params(), lr=1e-5)
 
     def train(dtype: torch.dtype) -> None:
@@ -142,24 +156,24 @@ def main() -> None:
 
     # The base model, which looks at 960 pixels in patches of 16; random weights.
     model = Owlv2ForObjectDetection(Owlv2Config(vision_config={"image_size": 960})).to(device).eval()
-    picture = torch.rand(1, 3, 960, 960, device=device)
+    image = torch.rand(1, 3, 960, 960, device=device)
     query = torch.ones(1, 16, dtype=torch.long, device=device)
 
     @torch.no_grad()
     def detect(dtype: torch.dtype) -> None:
         with torch.autocast(device, dtype, enabled=dtype is not torch.float32):
-            model(pixel_values=picture, input_ids=query, attention_mask=query)
+            model(pixel_values=image, input_ids=query, attention_mask=query)
 
     for name, dtype in PRECISIONS.items():
         detect(dtype)
         seconds = _seconds(lambda dtype=dtype: detect(dtype), device, 3)
         console.print(f"OWLv2-base, forward, {name}: {seconds:.2f} s an image")
 
-    eyes = ZeroShotDetector(EMBEDDED, None, None, "picture")
-    view = {"picture": torch.rand(1, 3, 240, 320, device=device)}
-    eyes(view, [["mug"]])
-    seconds = _seconds(lambda: eyes(view, [["mug"]]), device, 20)
-    console.print(f"embedded eyes, from picture and name to box: {1000 * seconds:.0f} ms an image")
+    embedded = ZeroShotDetector(EMBEDDED, None, None, "image")
+    view = {"image": torch.rand(1, 3, 240, 320, device=device)}
+    embedded(view, [["mug"]])
+    seconds = _seconds(lambda: embedded(view, [["mug"]]), device, 20)
+    console.print(f"embedded detector, from image and name to box: {1000 * seconds:.0f} ms an image")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How fast training reads a data set: python benchmarks/reading.py FOLDER… [-- OPTIONS OF lerobot-train].
+"""How fast training reads datasets: python benchmarks/reading.py --dataset_roots='[data/clant, data/claeo]'.
 
 For each LeRobotDataset: its size, the processor time that loading one item for owlxt5 takes, and, from
 `lerobot-train` at the paper's sizes (batch 64, two workers, a T5-small with random weights, no detector), the
@@ -12,8 +12,10 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import dataclass, field
 from pathlib import Path
 
+import draccus
 import torch
 from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
 from lerobot.datasets.factory import resolve_delta_timestamps
@@ -32,6 +34,19 @@ _T5_SMALL = (
     "--num_heads=8",
     "--vocab_size=32128",
 )
+
+
+@dataclass
+class ReadingConfig:
+    """What to read.
+
+    Args:
+        dataset_roots: Folders of LeRobotDatasets.
+        train_options: Further options of `lerobot-train`, such as `[--policy.device=cuda]`.
+    """
+
+    dataset_roots: list[Path]
+    train_options: list[str] = field(default_factory=list)
 
 
 def _milliseconds_per_item(root: Path) -> float:
@@ -64,13 +79,12 @@ def _seconds_per_step(root: Path, t5: Path, folder: Path, options: list[str]) ->
     return data, update
 
 
-def main() -> None:
+@draccus.wrap()
+def main(config: ReadingConfig) -> None:
     """Measure and print."""
-    arguments = sys.argv[1:]
-    cut = arguments.index("--") if "--" in arguments else len(arguments)
     table = Table(title="Reading for owlxt5: batch 64, two workers")
-    for heading in ("data set", "kB a frame", "ms an item", "data s a step", "update s a step", "data %"):
-        table.add_column(heading, justify="left" if heading == "data set" else "right")
+    for heading in ("dataset", "kB a frame", "ms an item", "data s a step", "update s a step", "data %"):
+        table.add_column(heading, justify="left" if heading == "dataset" else "right")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         t5 = folder / "t5"
@@ -79,11 +93,11 @@ def main() -> None:
             check=True,
             stdout=subprocess.DEVNULL,
         )
-        for number, root in enumerate(map(Path, arguments[:cut])):
+        for number, root in enumerate(config.dataset_roots):
             frames = LeRobotDatasetMetadata("local/reading", root=root).total_frames
             size = sum(path.stat().st_size for path in root.rglob("*") if path.is_file())
             item = _milliseconds_per_item(root)
-            data, update = _seconds_per_step(root, t5, folder / str(number), arguments[cut + 1 :])
+            data, update = _seconds_per_step(root, t5, folder / str(number), config.train_options)
             share = 100 * data / (data + update)
             numbers = (
                 f"{size / frames / 1000:.1f}",

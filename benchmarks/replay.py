@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replay every demonstration of the original release: python benchmarks/replay.py [OBJECTS].
+"""Replay every demonstration of the original release: python benchmarks/replay.py [--objects=clant].
 
 Needs the release's folder in OWLXT5_CLANT_DIR. Prints the outcomes of all replays and, for each action, how
 far the object moved, in centimetres, and how many degrees off the intended direction.
 """
 
 import os
-import sys
 import time
 from collections import Counter, defaultdict
+from dataclasses import dataclass
 
+import draccus
 import numpy as np
 from rich.console import Console
 from rich.table import Table
@@ -23,15 +24,26 @@ from nico_tabletop.scoring import Outcome
 from nico_tabletop.simulation import TabletopSimulation
 
 
-def main() -> None:
+@dataclass
+class ReplayConfig:
+    """What to replay with.
+
+    Args:
+        objects: Set of objects.
+    """
+
+    objects: str = "clant"
+
+
+@draccus.wrap()
+def main(config: ReplayConfig) -> None:
     """Replay, judge and report."""
-    objects = sys.argv[1] if len(sys.argv) > 1 else "clant"
     release = read_release(os.environ["OWLXT5_CLANT_DIR"])
-    simulation = TabletopSimulation(read_objects(objects))
+    simulation = TabletopSimulation(read_objects(config.objects))
     outcomes: dict[str, Counter[Outcome]] = defaultdict(Counter)
     motions: dict[str, list[tuple[float, float]]] = defaultdict(list)
     began = time.perf_counter()
-    for demonstration in tqdm(list(from_release(release, objects)), unit="episode"):
+    for demonstration in tqdm(list(from_release(release, config.objects)), unit="episode"):
         action = demonstration.action
         simulation.reset(demonstration.arrangement)
         start = simulation.object_positions()
@@ -41,7 +53,7 @@ def main() -> None:
         angle = np.rad2deg(np.arccos(np.clip(motion @ np.array(action.verb.direction) / distance, -1, 1)))
         motions[action.name].append((100 * distance, float(angle)))
     seconds = time.perf_counter() - began
-    table = Table(title=f"Replays of the release on {objects}")
+    table = Table(title=f"Replays of the release on {config.objects}")
     for heading in ("action", *Outcome, "cm, least", "cm, most", "degrees, most"):
         table.add_column(str(heading), justify="left" if heading == "action" else "right")
     for name, count in outcomes.items():

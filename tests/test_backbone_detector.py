@@ -222,7 +222,7 @@ def test_the_embedded_detector_finds_what_is_there_and_nothing_else() -> None:
 def test_a_miniature_detector_learns_is_evaluated_and_gets_a_card(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(train, "_OTHER_PICTURES", 48)
+    monkeypatch.setattr(train, "_VALIDATION_IMAGES", 48)
     config = BackbonesConfig("detector", tmp_path, steps=30, batch_size=8, images=48, learning_rate=2e-3)
     model, losses = train_detector(config, TINY)
     assert np.mean(losses[-5:]) < 0.8 * np.mean(losses[:5])

@@ -169,7 +169,7 @@ def test_a_placement_that_cannot_be_is_refused(tmp_path: Path, options: tuple[st
 def test_the_release_is_copied_exactly(clant_dir: Path, tmp_path: Path):
     root = tmp_path / "clant"
     run("owlxt5-dataset", f"--source={clant_dir}", f"--root={root}", *SMALL)
-    assert "12 of 12 episodes equal" in run("python", "benchmarks/exactness.py", root)
+    assert "12 of 12 episodes equal" in run("python", "benchmarks/exactness.py", f"--dataset_root={root}")
     path = root / "data/chunk-000/file-000.parquet"
     table = pq.read_table(path)
     values = table["action"].to_pylist()
@@ -178,7 +178,7 @@ def test_the_release_is_copied_exactly(clant_dir: Path, tmp_path: Path):
         table.column_names.index("action"), "action", pa.array(values, table["action"].type)
     )
     write_table_one_row_group_per_episode(changed, path)
-    done = run_anyway("python", "benchmarks/exactness.py", root)
+    done = run_anyway("python", "benchmarks/exactness.py", f"--dataset_root={root}")
     assert done.returncode == 1
     assert "episode 1: action" in done.stdout
 
