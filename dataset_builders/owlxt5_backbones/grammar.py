@@ -99,7 +99,7 @@ COMPOUNDS = {
 }
 """First part of a compound noun in both languages."""
 
-_SHARE_OF_COMPOUNDS, _SHARE_WITH_ADJECTIVE, _SHARE_MADE_UP = 0.3, 0.45, 0.3
+_SHARE_OF_COMPOUNDS, _SHARE_WITH_ADJECTIVE, _SHARE_INVENTED = 0.3, 0.45, 0.3
 
 
 class Noun(NamedTuple):
@@ -215,7 +215,7 @@ PLACES = (
 
 def draw_thing(rng: np.random.Generator) -> Thing:
     """Draw a thing: often with an adjective, sometimes with an invented name."""
-    if rng.random() < _SHARE_MADE_UP:
+    if rng.random() < _SHARE_INVENTED:
         name = draw_name(rng)
         return Thing(Noun(name, name, "n"))
     noun = choice(rng, nouns())
