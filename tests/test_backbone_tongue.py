@@ -12,6 +12,8 @@ from owlxt5_backbones.grammar import ADJECTIVES, VERBS, Case, Noun, Thing, compo
 from owlxt5_backbones.tongue import draw_lesson
 from owlxt5_backbones.train import BackbonesConfig, train_tongue
 
+pytestmark = pytest.mark.slow  # trains
+
 CUBE, CUP, BOOK = Noun("cube", "Würfel", "m"), Noun("cup", "Tasse", "f"), Noun("book", "Buch", "n")
 
 

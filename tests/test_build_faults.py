@@ -27,6 +27,8 @@ from nico_tabletop.robot import INITIAL_POSE_DEG
 from nico_tabletop.scoring import Outcome
 from nico_tabletop.tasks import find_action
 
+pytestmark = pytest.mark.slow  # starts builds and kills them
+
 SMALL = ("--arrangements=1", "--shard=1/3", "--height=48", "--width=64")
 COMMAND = ("owlxt5-dataset", "--objects=claeo", *SMALL)
 FULL = "Encoder thread for observation.images.eyes failed: [Errno 28] No space left on device: 'x.mp4'"

@@ -28,6 +28,8 @@ from policy_helpers import (
     small_options,
 )
 
+pytestmark = pytest.mark.slow  # starts trainings
+
 FRAMES = [0, 7, 20, 26]
 WINDOW = list(range(1 - HORIZON, HORIZON))
 

@@ -25,6 +25,8 @@ from nico_tabletop.scoring import Outcome
 from nico_tabletop.tasks import ACTIONS
 from test_release import replace_line, write_release
 
+pytestmark = pytest.mark.slow  # starts builds
+
 SMALL = ("--arrangements=1", "--height=48", "--width=64", "--workers=1")
 
 

@@ -13,6 +13,8 @@ from safetensors.torch import load_file
 from commands import launch, run
 from policy_helpers import without_dropout
 
+pytestmark = pytest.mark.slow  # starts trainings
+
 TRAIN = (
     "--config_path=configs/small.yaml",
     "--policy.type=owlxt5",

@@ -21,6 +21,8 @@ from lerobot_owlxt5.evaluation.scoring import accepted_descriptions, score_polic
 from lerobot_owlxt5.processor_owlxt5 import make_owlxt5_pre_post_processors
 from policy_helpers import HORIZON, make_config, make_dataset, make_owlv2, make_policy, make_t5
 
+pytestmark = pytest.mark.slow  # starts commands
+
 AS_TRAINED = {
     "execute": ["data set"],
     "repeat action": ["data set"],

@@ -17,6 +17,8 @@ from clant_claeo.card import Build, write_card
 from commands import run, run_anyway
 from hub_server import TOKEN, HubServer, Repository
 
+pytestmark = pytest.mark.slow  # starts commands
+
 SMALL = ("--objects=claeo", "--arrangements=1", "--height=48", "--width=64")
 PUSH = ("--push_to_hub=true", "--repo_id=me/claeo")
 

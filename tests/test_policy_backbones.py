@@ -113,6 +113,7 @@ def test_a_backbone_that_cannot_be_loaded_is_named(
         make_policy(pickled)
 
 
+@pytest.mark.slow
 def test_models_of_the_real_sizes_run(tmp_path: Path) -> None:
     """T5-small and OWLv2-base with random weights: 60 and 155 million parameters."""
     small = backbones.SmallT5Config(

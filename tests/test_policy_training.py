@@ -36,6 +36,8 @@ from policy_helpers import (
     without_dropout,
 )
 
+pytestmark = pytest.mark.slow  # trains
+
 FRAMES = [0, 7, 20, 33, 41, 50]
 
 
