@@ -56,7 +56,7 @@ def clant_release(clant_dir: Path) -> Release:
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
-    """A data set of three short episodes; a module that changes it hurts no other."""
+    """A dataset of three short episodes; a module that changes it hurts no other."""
     from policy_helpers import make_dataset  # imports huggingface_hub: after HF_HUB_OFFLINE is set
 
     return make_dataset(tmp_path_factory.mktemp("dataset") / "data", episodes=3)
@@ -64,7 +64,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
 
 @pytest.fixture(scope="module")
 def t5(tmp_path_factory: pytest.TempPathFactory, dataset: LeRobotDataset) -> Path:
-    """A tiny T5 whose tokenizer fits the data set."""
+    """A tiny T5 whose tokenizer fits the dataset."""
     from policy_helpers import make_t5
 
     return make_t5(tmp_path_factory.mktemp("t5"), dataset.root)

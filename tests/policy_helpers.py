@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Small data sets, backbones and policies for the tests of the policy."""
+"""Small datasets, backbones and policies for the tests of the policy."""
 
 import json
 from pathlib import Path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a data set build does when something dies, fills up or is called again."""
+"""What a dataset build does when something dies, fills up or is called again."""
 
 import signal
 import subprocess
@@ -35,7 +35,7 @@ FULL = "Encoder thread for observation.images.eyes failed: [Errno 28] No space l
 
 
 def tables(root: Path) -> dict[Path, bytes]:
-    """All of a data set but its videos and its card."""
+    """All of a dataset but its videos and its card."""
     files = [
         *root.glob("data/**/*.*"),
         *(file for file in root.glob("meta/**/*.*") if file.name != "build.json"),
@@ -150,7 +150,7 @@ def test_a_demonstration_that_fails_is_not_written(tmp_path: Path, monkeypatch: 
 
 
 def test_many_takes_are_joined_in_rounds(whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("clant_claeo.builder._JOINED_AT_ONCE", 2)  # 5 takes, 3 groups, 2 groups, 1 data set
+    monkeypatch.setattr("clant_claeo.builder._JOINED_AT_ONCE", 2)  # 5 takes, 3 groups, 2 groups, 1 dataset
     build(tmp_path / "data")
     one, other = (LeRobotDataset("local/x", root=root) for root in (whole, tmp_path / "data"))
     assert len(one) == len(other)

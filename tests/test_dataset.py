@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The data set builder, through its command."""
+"""The dataset builder, through its command."""
 
 import json
 import pickle

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stock lerobot-train and lerobot-eval with the plugin, in processes of their own, on a tiny data set."""
+"""Stock lerobot-train and lerobot-eval with the plugin, in processes of their own, on a tiny dataset."""
 
 import json
 import re
@@ -31,7 +31,7 @@ TRAIN = (
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data set of 12 episodes and a small T5."""
+    """A dataset of 12 episodes and a small T5."""
     folder = tmp_path_factory.mktemp("end_to_end")
     run(
         "owlxt5-dataset",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pushing data sets to the Hub and loading them from there, against a stand-in on the loopback device."""
+"""Pushing datasets to the Hub and loading them from there, against a stand-in on the loopback device."""
 
 import json
 import shutil
