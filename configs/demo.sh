@@ -63,7 +63,7 @@ printf 'clant\nclaeo\n' | step "3/3 Evaluation on cubes and on everyday objects"
 
 printf '\n== Results\n'
 python -m nico_tabletop.report $out/eval_clant/eval_info.json $out/eval_claeo/eval_info.json \
-    --picture $out/outcomes.png
+    --image $out/outcomes.png
 cat <<END
 Trajectories: $([ "$source" = scripted ] && echo "the scripted expert" || echo "the original CLANT release").
 Images and commands in, joint positions out: nothing comes from the simulator's ground truth.

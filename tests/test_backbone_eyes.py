@@ -238,7 +238,7 @@ def test_miniature_eyes_learn_are_examined_and_get_a_card(
     written = (config.model_dir / "README.md").read_text(encoding="utf-8")
     assert table in written
     assert "owlxt5-backbones --part=eyes --steps=30" in written
-    assert "--pictures=48" in written
+    assert "--images=48" in written
 
     more = BackbonesConfig(
         "eyes", tmp_path / "more", 5, 8, 1e-4, pictures=48, seed=2, start_from=config.model_dir

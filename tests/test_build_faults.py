@@ -128,12 +128,12 @@ def test_a_half_built_folder_is_no_data_set_and_keeps_to_its_recipe(
 
 
 def test_a_video_that_lost_frames_is_no_take(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(takes, "_check_videos", lambda folder, frames: check(folder, frames + 1))
+    monkeypatch.setattr(takes, "check_videos", lambda folder, frames: check(folder, frames + 1))
     with pytest.raises(OSError, match=r"5 frames instead of 6"):
         build(tmp_path / "data")
 
 
-check = takes._check_videos
+check = takes.check_videos
 
 
 def test_a_demonstration_that_fails_is_not_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

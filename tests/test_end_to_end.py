@@ -192,7 +192,7 @@ def test_a_checkpoint_is_evaluated(folder: Path, checkpoints: Path, suite: str, 
     assert info["per_group"][suite]["n_episodes"] == batch
     assert all(Path(video).stat().st_size > 0 for video in info["overall"]["video_paths"])
     table = run(
-        "python", "-m", "nico_tabletop.report", output / "eval_info.json", f"--picture={output / 'p.png'}"
+        "python", "-m", "nico_tabletop.report", output / "eval_info.json", f"--image={output / 'p.png'}"
     )
     assert "PUSH-L" in table
     assert (output / "p.png").stat().st_size > 0
