@@ -10,7 +10,7 @@ endif
 # every start of LeRobot would take seconds more.
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup demo test lint clean
+.PHONY: setup demo test test-fast lint clean
 
 setup:
 	@.ci/setup
@@ -20,6 +20,10 @@ demo: setup
 
 test: lint
 	.venv/bin/python -m pytest
+
+# What starts no command and trains nothing: for the time between two edits.
+test-fast: setup
+	.venv/bin/python -m pytest -q -m "not slow"
 
 lint: setup
 	.venv/bin/ruff check

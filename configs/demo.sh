@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 #
-# The whole way at a small scale: make a data set, train owlxt5 on it with lerobot-train, evaluate it with
+# The whole way at a small scale: make a dataset, train owlxt5 on it with lerobot-train, evaluate it with
 # lerobot-eval on cubes, which it was trained on, and on everyday objects, which it never saw. `make demo` runs
 # this. With OWLXT5_CLANT_DIR set, it learns the original release's trajectories; a scripted expert's otherwise.
 #
@@ -47,7 +47,7 @@ mkdir -p $out
 source=${OWLXT5_CLANT_DIR:-scripted}
 data=$out/clant
 
-step "1/3 Data set: $arrangements of 120 arrangements of cubes" dataset \
+step "1/3 Dataset: $arrangements of 120 arrangements of cubes" dataset \
     owlxt5-dataset --objects=clant --source="$source" --arrangements=$arrangements --root=$data \
     --height=240 --width=320
 # The train split stands at the beginning: "0:36" means episodes 0 to 35.
@@ -63,11 +63,11 @@ printf 'clant\nclaeo\n' | step "3/3 Evaluation on cubes and on everyday objects"
 
 printf '\n== Results\n'
 python -m nico_tabletop.report $out/eval_clant/eval_info.json $out/eval_claeo/eval_info.json \
-    --picture $out/outcomes.png
+    --image $out/outcomes.png
 cat <<END
 Trajectories: $([ "$source" = scripted ] && echo "the scripted expert" || echo "the original CLANT release").
-Pictures and commands in, joint positions out: nothing comes from the simulator's ground truth.
-Eyes and language: the embedded small OWLv2 and T5, which stayed as they are.
-The movements were learnt with cubes alone. The eyes have seen other objects of claeo's kinds, never these.
+Images and commands in, joint positions out: nothing comes from the simulator's ground truth.
+Detector and language model: the embedded small OWLv2 and T5, which stayed as they are.
+The movements were learnt with cubes alone. The detector has seen other objects of claeo's kinds, never these.
 END
 printf 'Time: %d:%02d minutes\n' $((SECONDS / 60)) $((SECONDS % 60))

@@ -37,6 +37,10 @@ class CrossmodalPolicy(PreTrainedPolicy):
     A visual encoder, which a subclass makes, turns images into numbers. The model joins them with prompt and
     joints, and answers with a text and a movement. The policy plans once, at the beginning of an episode,
     and then carries the plan out.
+
+    Attributes:
+        responses: One sentence for each environment on the plan that was made last; empty before the first.
+            It says what the robot is going to do, not that it was done: nobody has looked yet.
     """
 
     # LeRobot asks both of each class, of this unfinished one too.
@@ -115,7 +119,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
         """Forget the plan: a new episode begins."""
         self._plan: Tensor | None = None
         self._next_step = 0
-        self._responses: list[str] = []
+        self.responses: list[str] = []
 
     # Training -----------------------------------------------------------------------------------------------
 
@@ -222,20 +226,12 @@ class CrossmodalPolicy(PreTrainedPolicy):
         seen = self.visual.encode(batch, [instruction.command.object for instruction in instructions])
         found: list[bool] = seen.object_found.tolist()
         paired = list(zip(instructions, found, strict=True))
-        self._responses = [instruction.response(sees) for instruction, sees in paired]
+        self.responses = [instruction.response(sees) for instruction, sees in paired]
         pose = first_pose(batch)
         prompts = [instruction.prompt for instruction in instructions]
         actions = self.model.plan(prompts, seen.features[:, :1], still(pose), self.config.max_episode_steps)
         moves = torch.tensor([instruction.may_move(sees) for instruction, sees in paired], device=pose.device)
         return torch.where(moves[:, None, None], actions, pose[:, None])
-
-    @property
-    def responses(self) -> list[str]:
-        """One sentence for each environment on the plan that was made last; empty before the first plan.
-
-        It says what the robot is going to do, not that it was done: nobody has looked yet.
-        """
-        return self._responses
 
     # The other modes ----------------------------------------------------------------------------------------
 

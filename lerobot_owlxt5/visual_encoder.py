@@ -127,7 +127,7 @@ class ObjectPoint:
         whose prompt names no object. Of several labels for one object the one with the best score stands.
         """
         first, last = observation_at(batch, 0), observation_at(batch, -1)
-        asked = [list(labels)] * len(next(iter(first.values())))
+        asked = [list(labels)] * len(batch[ACTION])
         before = self.detector(first, asked)
         after = self.detector(last, asked, near=before.centre)
         known = _best_label(before) & (before.score >= DESCRIBE_THRESHOLD_SHARE * self.detector.threshold)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,6 +27,17 @@ os.environ["HF_HUB_OFFLINE"] = (
 )
 
 
+@pytest.fixture(autouse=True)
+def no_process(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep the fast tier fast: what starts a process is marked `slow`."""
+    if request.node.get_closest_marker("slow") is None:
+
+        def refuse(*_: object, **__: object) -> None:
+            raise AssertionError("this test starts a process: mark it with @pytest.mark.slow")
+
+        monkeypatch.setattr(subprocess, "Popen", refuse)
+
+
 @pytest.fixture(scope="session")
 def clant_dir() -> Path:
     """Folder of the original CLANT release; tests that need it are skipped without it."""
@@ -44,7 +56,7 @@ def clant_release(clant_dir: Path) -> Release:
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
-    """A data set of three short episodes; a module that changes it hurts no other."""
+    """A dataset of three short episodes; a module that changes it hurts no other."""
     from policy_helpers import make_dataset  # imports huggingface_hub: after HF_HUB_OFFLINE is set
 
     return make_dataset(tmp_path_factory.mktemp("dataset") / "data", episodes=3)
@@ -52,7 +64,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
 
 @pytest.fixture(scope="module")
 def t5(tmp_path_factory: pytest.TempPathFactory, dataset: LeRobotDataset) -> Path:
-    """A tiny T5 whose tokenizer fits the data set."""
+    """A tiny T5 whose tokenizer fits the dataset."""
     from policy_helpers import make_t5
 
     return make_t5(tmp_path_factory.mktemp("t5"), dataset.root)

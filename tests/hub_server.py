@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stand-in for the Hugging Face Hub on the loopback device: what pushing and loading a data set takes."""
+"""A stand-in for the Hugging Face Hub on the loopback device: what pushing and loading a dataset takes."""
 
 import base64
 import hashlib

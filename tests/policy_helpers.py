@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Small data sets, backbones and policies for the tests of the policy."""
+"""Small datasets, backbones and policies for the tests of the policy."""
 
 import json
 from pathlib import Path
@@ -15,11 +15,21 @@ from lerobot.datasets import LeRobotDataset
 from lerobot.datasets.language import language_feature_info
 from torch.utils.data import default_collate
 from transformers import (
+    BertTokenizerFast,
     CLIPTokenizerFast,
+    GroundingDinoConfig,
+    GroundingDinoForObjectDetection,
+    GroundingDinoImageProcessor,
+    GroundingDinoProcessor,
     Owlv2Config,
     Owlv2ForObjectDetection,
     Owlv2ImageProcessor,
     Owlv2Processor,
+    OwlViTConfig,
+    OwlViTForObjectDetection,
+    OwlViTImageProcessor,
+    OwlViTProcessor,
+    SwinConfig,
 )
 
 from lerobot_owlxt5.backbones.small_t5 import SmallT5Config, collect_texts, make_small_t5
@@ -156,6 +166,59 @@ def make_owlv2(folder: Path, **vision: int) -> Path:
     Owlv2Processor(Owlv2ImageProcessor(size={"height": size, "width": size}), tokenizer).save_pretrained(
         folder
     )
+    return folder
+
+
+def make_owlvit(folder: Path) -> Path:
+    """A tiny OWL-ViT with random weights: OWLv2's predecessor, which squeezes an image into its square."""
+    make_owlv2(folder / "owlv2")
+    v2 = Owlv2Config.from_pretrained(folder / "owlv2")
+    texts, vision = v2.text_config.to_dict(), v2.vision_config.to_dict()
+    config = OwlViTConfig(text_config=texts, vision_config=vision, projection_dim=16)
+    OwlViTForObjectDetection(config).save_pretrained(folder)
+    tokenizer = CLIPTokenizerFast.from_pretrained(folder / "owlv2")
+    size = config.vision_config.image_size
+    OwlViTProcessor(OwlViTImageProcessor(size={"height": size, "width": size}), tokenizer).save_pretrained(
+        folder
+    )
+    return folder
+
+
+def make_grounding_dino(folder: Path) -> Path:
+    """A tiny Grounding DINO with random weights; its tokenizer knows eight words."""
+    words = ["[PAD]", "[UNK]", "[CLS]", "[SEP]", ".", "ball", "mug", "red", "cube", "wine", "bottle"]
+    torch.manual_seed(0)
+    config = GroundingDinoConfig(
+        backbone_config=SwinConfig(
+            embed_dim=8,
+            depths=[1] * 4,
+            num_heads=[1] * 4,
+            window_size=4,
+            image_size=64,
+            out_features=["stage2", "stage3", "stage4"],
+        ),
+        text_config={
+            "model_type": "bert",
+            "vocab_size": len(words),
+            "hidden_size": 16,
+            "intermediate_size": 32,
+            "num_hidden_layers": 1,
+            "num_attention_heads": 2,
+        },
+        d_model=32,
+        encoder_layers=1,
+        decoder_layers=2,
+        encoder_attention_heads=2,
+        decoder_attention_heads=2,
+        encoder_ffn_dim=32,
+        decoder_ffn_dim=32,
+        num_queries=8,
+        max_text_len=16,
+    )
+    GroundingDinoForObjectDetection(config).save_pretrained(folder)
+    tokenizer = BertTokenizerFast(vocab={word: index for index, word in enumerate(words)})
+    images = GroundingDinoImageProcessor(size={"shortest_edge": 64, "longest_edge": 128})
+    GroundingDinoProcessor(images, tokenizer).save_pretrained(folder)
     return folder
 
 

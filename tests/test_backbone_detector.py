@@ -20,6 +20,8 @@ from owlxt5_backbones.queries import NAMES, Query, draw_queries
 from owlxt5_backbones.scenes import HEIGHT, WIDTH, RandomScenes
 from owlxt5_backbones.train import BackbonesConfig, train_detector
 
+pytestmark = pytest.mark.slow  # trains
+
 TINY = DetectorSizes(image_size=64, width=32, layers=1, heads=2, text_width=32, text_layers=1, vocabulary=600)
 
 

@@ -23,6 +23,8 @@ from owlxt5_backbones.grammar import (
 from owlxt5_backbones.language_model import draw_example
 from owlxt5_backbones.train import BackbonesConfig, train_language_model
 
+pytestmark = pytest.mark.slow  # trains
+
 CUBE, CUP, BOOK = Noun("cube", "Würfel", "m"), Noun("cup", "Tasse", "f"), Noun("book", "Buch", "n")
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a data set build does when something dies, fills up or is called again."""
+"""What a dataset build does when something dies, fills up or is called again."""
 
 import signal
 import subprocess
@@ -27,13 +27,15 @@ from nico_tabletop.robot import INITIAL_POSE_DEG
 from nico_tabletop.scoring import Outcome
 from nico_tabletop.tasks import find_action
 
+pytestmark = pytest.mark.slow  # starts builds and kills them
+
 SMALL = ("--arrangements=1", "--shard=1/3", "--height=48", "--width=64")
 COMMAND = ("owlxt5-dataset", "--objects=claeo", *SMALL)
 FULL = "Encoder thread for observation.images.eyes failed: [Errno 28] No space left on device: 'x.mp4'"
 
 
 def tables(root: Path) -> dict[Path, bytes]:
-    """All of a data set but its videos and its card."""
+    """All of a dataset but its videos and its card."""
     files = [
         *root.glob("data/**/*.*"),
         *(file for file in root.glob("meta/**/*.*") if file.name != "build.json"),
@@ -126,12 +128,12 @@ def test_a_half_built_folder_is_no_data_set_and_keeps_to_its_recipe(
 
 
 def test_a_video_that_lost_frames_is_no_take(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(takes, "_check_videos", lambda folder, frames: check(folder, frames + 1))
+    monkeypatch.setattr(takes, "check_videos", lambda folder, frames: check(folder, frames + 1))
     with pytest.raises(OSError, match=r"5 frames instead of 6"):
         build(tmp_path / "data")
 
 
-check = takes._check_videos
+check = takes.check_videos
 
 
 def test_a_demonstration_that_fails_is_not_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -148,7 +150,7 @@ def test_a_demonstration_that_fails_is_not_written(tmp_path: Path, monkeypatch: 
 
 
 def test_many_takes_are_joined_in_rounds(whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("clant_claeo.builder._JOINED_AT_ONCE", 2)  # 5 takes, 3 groups, 2 groups, 1 data set
+    monkeypatch.setattr("clant_claeo.builder._JOINED_AT_ONCE", 2)  # 5 takes, 3 groups, 2 groups, 1 dataset
     build(tmp_path / "data")
     one, other = (LeRobotDataset("local/x", root=root) for root in (whole, tmp_path / "data"))
     assert len(one) == len(other)

@@ -28,6 +28,8 @@ from policy_helpers import (
     small_options,
 )
 
+pytestmark = pytest.mark.slow  # starts trainings
+
 FRAMES = [0, 7, 20, 26]
 WINDOW = list(range(1 - HORIZON, HORIZON))
 
@@ -241,7 +243,7 @@ def test_an_autoencoder_that_cannot_be_had_are_refused(
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data set of 12 episodes and a small T5."""
+    """A dataset of 12 episodes and a small T5."""
     folder = tmp_path_factory.mktemp("crosst5")
     size = ("--height=48", "--width=64", "--workers=1")
     run("owlxt5-dataset", f"--root={folder / 'data'}", "--arrangements=1", *size)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The data set builder, through its command."""
+"""The dataset builder, through its command."""
 
 import json
 import pickle
@@ -24,6 +24,8 @@ from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES
 from nico_tabletop.scoring import Outcome
 from nico_tabletop.tasks import ACTIONS
 from test_release import replace_line, write_release
+
+pytestmark = pytest.mark.slow  # starts builds
 
 SMALL = ("--arrangements=1", "--height=48", "--width=64", "--workers=1")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stock lerobot-train and lerobot-eval with the plugin, in processes of their own, on a tiny data set."""
+"""Stock lerobot-train and lerobot-eval with the plugin, in processes of their own, on a tiny dataset."""
 
 import json
 import re
@@ -12,6 +12,8 @@ from safetensors.torch import load_file
 
 from commands import launch, run
 from policy_helpers import without_dropout
+
+pytestmark = pytest.mark.slow  # starts trainings
 
 TRAIN = (
     "--config_path=configs/small.yaml",
@@ -29,7 +31,7 @@ TRAIN = (
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data set of 12 episodes and a small T5."""
+    """A dataset of 12 episodes and a small T5."""
     folder = tmp_path_factory.mktemp("end_to_end")
     run(
         "owlxt5-dataset",
@@ -190,7 +192,7 @@ def test_a_checkpoint_is_evaluated(folder: Path, checkpoints: Path, suite: str, 
     assert info["per_group"][suite]["n_episodes"] == batch
     assert all(Path(video).stat().st_size > 0 for video in info["overall"]["video_paths"])
     table = run(
-        "python", "-m", "nico_tabletop.report", output / "eval_info.json", f"--picture={output / 'p.png'}"
+        "python", "-m", "nico_tabletop.report", output / "eval_info.json", f"--image={output / 'p.png'}"
     )
     assert "PUSH-L" in table
     assert (output / "p.png").stat().st_size > 0

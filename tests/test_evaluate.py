@@ -21,22 +21,24 @@ from lerobot_owlxt5.evaluation.scoring import accepted_descriptions, score_polic
 from lerobot_owlxt5.processor_owlxt5 import make_owlxt5_pre_post_processors
 from policy_helpers import HORIZON, make_config, make_dataset, make_owlv2, make_policy, make_t5
 
+pytestmark = pytest.mark.slow  # starts commands
+
 AS_TRAINED = {
-    "execute": ["data set"],
-    "repeat action": ["data set"],
-    "describe": ["data set"],
-    "translate": ["vs. T5 alone", "vs. data set"],
-    "T5 alone": ["vs. data set"],
+    "execute": ["dataset"],
+    "repeat action": ["dataset"],
+    "describe": ["dataset"],
+    "translate": ["vs. T5 alone", "vs. dataset"],
+    "T5 alone": ["vs. dataset"],
 }
 REWORDED = AS_TRAINED | {
-    "execute": ["data set", "synonyms", "polite", "typos"],
-    "describe": ["data set", "synonyms", "full names", "typos"],
+    "execute": ["dataset", "synonyms", "polite", "typos"],
+    "describe": ["dataset", "synonyms", "full names", "typos"],
 }
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data set of seven episodes, the last three of them a test split, and a tiny checkpoint."""
+    """A dataset of seven episodes, the last three of them a test split, and a tiny checkpoint."""
     folder = tmp_path_factory.mktemp("evaluate")
     dataset = make_dataset(folder / "data", episodes=7)
     info = folder / "data" / "meta" / "info.json"
@@ -77,8 +79,8 @@ def test_the_command_reports_all_modes(folder: Path) -> None:
     report, output = evaluate(folder)
     assert variants(report) == AS_TRAINED
     assert (report["policy"], report["split"], report["episodes"]) == ("owlxt5", "test", 3)
-    assert "an upper bound" in report["eyes"]
-    assert report["tongue"] == f"{folder / 't5'} (frozen)"
+    assert "an upper bound" in report["detector"]
+    assert report["language model"] == f"{folder / 't5'} (frozen)"
     for text in (output, (folder / "results" / "results.md").read_text()):
         assert "ground_truth (the simulator's own boxes: an upper bound" in text
         assert f"checkpoint: {folder / 'checkpoint'}" in text
@@ -88,12 +90,12 @@ def test_the_command_reports_all_modes(folder: Path) -> None:
             assert 0 <= figure["low"] <= figure["value"] <= figure["high"]
 
 
-def test_other_words_other_eyes_and_the_same_seed(folder: Path, tmp_path: Path) -> None:
-    eyes = make_owlv2(tmp_path / "owlv2")
-    options = {"robustness": "true", "split": "all", "policy__detector": eyes, "seed": 7}
+def test_other_words_another_detector_and_the_same_seed(folder: Path, tmp_path: Path) -> None:
+    owlv2 = make_owlv2(tmp_path / "owlv2")
+    options = {"robustness": "true", "split": "all", "policy__detector": owlv2, "seed": 7}
     report, _ = evaluate(folder, output_dir=tmp_path / "one", **options)
     assert variants(report) == REWORDED
-    assert report["eyes"] == str(eyes)
+    assert report["detector"] == str(owlv2)
     assert report["episodes"] == 7
     # Neither chance nor the size of a batch is in it.
     again, _ = evaluate(folder, output_dir=tmp_path / "two", batch_size=2, **options)
@@ -110,7 +112,7 @@ SCALE = 200.0
 
 
 class Oracle:
-    """Has the policies' public methods and knows the right answers, to the data set's own words alone."""
+    """Has the policies' public methods and knows the right answers, to the dataset's own words alone."""
 
     def __init__(self, dataset: LeRobotDataset) -> None:
         self.config = SimpleNamespace(max_text_tokens=8, modes=MODES)
@@ -182,14 +184,14 @@ def values(row: Row) -> dict[str, float]:
 
 def test_who_knows_all_has_full_marks(rows: dict[tuple[str, str], Row]) -> None:
     full = {"bleu2": 100.0, "accuracy": 100.0}
-    # The data sets hold the last pose once, and so a perfect copy is still one step early.
-    assert values(rows["execute", "data set"]) == {"nrmse": 0.0, "refused": 0.0, "steps_off": 1.0}
-    assert values(rows["repeat action", "data set"]) == {"nrmse": 0.0, "steps_off": 1.0}
-    assert values(rows["describe", "data set"]) == {**full, "refused": 0.0}
-    assert values(rows["repeat language", "data set"]) == full
+    # The datasets hold the last pose once, and so a perfect copy is still one step early.
+    assert values(rows["execute", "dataset"]) == {"nrmse": 0.0, "refused": 0.0, "steps_off": 1.0}
+    assert values(rows["repeat action", "dataset"]) == {"nrmse": 0.0, "steps_off": 1.0}
+    assert values(rows["describe", "dataset"]) == {**full, "refused": 0.0}
+    assert values(rows["repeat language", "dataset"]) == full
     assert values(rows["translate", "vs. T5 alone"]) == full
-    assert values(rows["translate", "vs. data set"]) == values(rows["T5 alone", "vs. data set"])
-    assert values(rows["translate", "vs. data set"])["accuracy"] == 0.0
+    assert values(rows["translate", "vs. dataset"]) == values(rows["T5 alone", "vs. dataset"])
+    assert values(rows["translate", "vs. dataset"])["accuracy"] == 0.0
 
 
 def test_what_is_refused_is_counted(rows: dict[tuple[str, str], Row]) -> None:
@@ -200,7 +202,7 @@ def test_what_is_refused_is_counted(rows: dict[tuple[str, str], Row]) -> None:
         assert "steps_off" not in figures
 
 
-def test_the_task_is_accepted_with_the_name_that_the_eyes_look_for() -> None:
+def test_the_task_is_accepted_with_the_name_that_the_detector_looks_for() -> None:
     accepted = accepted_descriptions(["push red", "move-up red"], "the red cube")
     assert accepted[:2] == ["push red", "move up red"]
     assert {"push the red cube", "move up the red cube", "push red cube"} <= set(accepted)

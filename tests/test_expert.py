@@ -19,6 +19,8 @@ from nico_tabletop.tasks import ACTIONS, SLOTS, VERBS, Action, find_action
 pytest.importorskip("mink", reason="the scripted expert needs the extra `scripted`")
 from clant_claeo.expert import GRIPS, plan
 
+pytestmark = pytest.mark.slow  # moves the arms a thousand times
+
 ARMS = {"right": slice(0, 5), "left": slice(5, 10)}
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pushing data sets to the Hub and loading them from there, against a stand-in on the loopback device."""
+"""Pushing datasets to the Hub and loading them from there, against a stand-in on the loopback device."""
 
 import json
 import shutil
@@ -16,6 +16,8 @@ from PIL import Image
 from clant_claeo.card import Build, write_card
 from commands import run, run_anyway
 from hub_server import TOKEN, HubServer, Repository
+
+pytestmark = pytest.mark.slow  # starts commands
 
 SMALL = ("--objects=claeo", "--arrangements=1", "--height=48", "--width=64")
 PUSH = ("--push_to_hub=true", "--repo_id=me/claeo")

@@ -321,6 +321,7 @@ def test_six_objects_of_a_user_take_the_places_of_the_cubes(clant_release: Relea
         next(from_release(clant_release, "household"))
 
 
+@pytest.mark.slow
 def test_importing_the_environments_reads_no_objects_and_builds_no_model():
     code = """if True:
         import sys
@@ -347,6 +348,7 @@ def test_importing_the_environments_reads_no_objects_and_builds_no_model():
     assert lines[-3:] == ["read: []", "a model was compiled", "then: clant.yaml"]
 
 
+@pytest.mark.slow
 def test_the_builder_takes_a_users_objects(toys: Path, tmp_path: Path):
     root = tmp_path / "data"
     small = ("--arrangements=1", "--height=48", "--width=64", "--workers=1")
@@ -365,6 +367,7 @@ def test_the_builder_takes_a_users_objects(toys: Path, tmp_path: Path):
     }
 
 
+@pytest.mark.slow
 def test_the_builder_refuses_a_file_that_is_not_there(tmp_path: Path):
     done = run_anyway("owlxt5-dataset", "--objects=gone.yaml", f"--root={tmp_path / 'data'}")
     assert done.returncode == 1
@@ -372,6 +375,7 @@ def test_the_builder_refuses_a_file_that_is_not_there(tmp_path: Path):
     assert "Traceback" not in done.stdout
 
 
+@pytest.mark.slow
 def test_a_contact_sheet_shows_a_users_objects(toys: Path, tmp_path: Path):
     sheet = tmp_path / "sheet.png"
     run("python", "-m", "nico_tabletop.contact_sheet", toys, f"--output={sheet}")

@@ -69,21 +69,22 @@ def test_the_split_model_computes_what_t5_computes(t5: Path) -> None:
 def test_a_prompt_is_encoded_once(t5: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     language = SplitT5(str(t5))
     encoded: list[str] = []
-    encode = language._encode
-    monkeypatch.setattr(
-        language, "_encode", lambda prompts, device: encoded.extend(prompts) or encode(prompts, device)
-    )
+
+    def note(module: object, args: object, inputs: dict[str, torch.Tensor], output: object) -> None:
+        encoded.extend(language.tokenizer.batch_decode(inputs["input_ids"], skip_special_tokens=True))
+
+    language.model.get_encoder().register_forward_hook(note, with_kwargs=True)
     first = language.encode(["a", "b c", "a"], CPU)
     again = language.encode(["a", "b c", "d"], CPU)
-    assert encoded == ["a", "b c", "d"]
+    assert [text.strip() for text in encoded] == ["a", "b c", "d"]
     assert torch.equal(first[0][1, : first[1][1].sum()], again[0][1, : again[1][1].sum()])
     monkeypatch.setattr("lerobot_owlxt5.backbones.language_model.MAX_CACHED", 3)
     language.encode(["a", "e"], CPU)
-    assert encoded[3:] == ["a", "e"], "a full memory begins anew"
+    assert [text.strip() for text in encoded[3:]] == ["a", "e"], "a full cache begins anew"
 
 
-def test_a_remembered_encoding_is_the_same_in_any_company(t5: Path) -> None:
-    """Else a resumed run, which begins with an empty memory, would not equal an unbroken one."""
+def test_a_cached_encoding_is_the_same_in_any_company(t5: Path) -> None:
+    """Else a resumed run, which begins with an empty cache, would not equal an unbroken one."""
     prompts = [
         "execute: push red",
         "describe: azure",
@@ -113,6 +114,7 @@ def test_a_backbone_that_cannot_be_loaded_is_named(
         make_policy(pickled)
 
 
+@pytest.mark.slow
 def test_models_of_the_real_sizes_run(tmp_path: Path) -> None:
     """T5-small and OWLv2-base with random weights: 60 and 155 million parameters."""
     small = backbones.SmallT5Config(

@@ -18,6 +18,8 @@ from lerobot_owlxt5.configuration_crossmodal import CORE_VERSION
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 from policy_helpers import load_batch, make_config, make_owlv2, make_policy, observe
 
+pytestmark = pytest.mark.slow  # compiles and trains
+
 FRAMES = [0, 7, 20, 26]
 TASKS = ["push red", "pull the ball"]
 

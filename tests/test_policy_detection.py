@@ -15,7 +15,7 @@ from lerobot_owlxt5.backbones.ground_truth import GroundTruthDetector
 from lerobot_owlxt5.backbones.zero_shot import ZeroShotDetector, to_image_coordinates
 from lerobot_owlxt5.data.episode_store import EpisodeStore
 from lerobot_owlxt5.data.windows import observation_at
-from policy_helpers import EYES, make_owlv2, make_policy, observe
+from policy_helpers import EYES, make_grounding_dino, make_owlv2, make_owlvit, make_policy, observe
 
 
 @given(st.integers(1, 2000), st.integers(1, 2000), st.floats(0, 1), st.floats(0, 1))
@@ -34,10 +34,6 @@ def owlv2(tmp_path_factory: pytest.TempPathFactory) -> ZeroShotDetector:
 class BrightestPatch(torch.nn.Module):
     """Stands in for OWLv2's network: its boxes are the patches, and a bright patch has a high score."""
 
-    def __init__(self, config: Any) -> None:
-        super().__init__()
-        self.config = config
-
     def forward(self, pixel_values: torch.Tensor, input_ids: torch.Tensor, **_: Any) -> SimpleNamespace:
         patches = 16
         brightness = torch.nn.functional.adaptive_avg_pool2d(pixel_values.mean(1), patches).flatten(1)
@@ -52,7 +48,7 @@ class BrightestPatch(torch.nn.Module):
 
 def look_at_bright_patches(detector: ZeroShotDetector, monkeypatch: pytest.MonkeyPatch) -> None:
     """Put `BrightestPatch` in the place of the detector's network; processor and box mathematics stay."""
-    monkeypatch.setattr(detector.candidates, "model", BrightestPatch(detector.model.config))
+    monkeypatch.setattr(detector.candidates, "model", BrightestPatch())
 
 
 @pytest.mark.parametrize("size", [(64, 64), (64, 128), (128, 64)])
@@ -68,6 +64,43 @@ def test_the_real_processor_and_the_box_maths_agree_on_images_of_any_shape(
     expected = torch.tensor([(left + 4) / width, (top + 4) / height])
     assert torch.allclose(found.centre, expected.expand(1, 2, 2), atol=0.07)
     assert (found.score > 0.1).all()
+
+
+class BrightestPixel(torch.nn.Module):
+    """Stands in for Grounding DINO's network: one box about the brightest pixel, scored by the token."""
+
+    def forward(self, pixel_values: torch.Tensor, input_ids: torch.Tensor, **_: Any) -> SimpleNamespace:
+        height, width = pixel_values.shape[-2:]
+        row, column = divmod(int(pixel_values[0].mean(0).argmax()), width)
+        box = torch.tensor([[[(column + 0.5) / width, (row + 0.5) / height, 0.1, 0.1]]])
+        return SimpleNamespace(pred_boxes=box, logits=(input_ids.float() - 8)[:, None])
+
+
+@pytest.mark.parametrize(
+    ("make", "network"),
+    [(make_owlv2, BrightestPatch), (make_owlvit, BrightestPatch), (make_grounding_dino, BrightestPixel)],
+)
+def test_a_detector_of_each_kind_finds_its_place_on_a_wide_image(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, make: Any, network: type[torch.nn.Module]
+) -> None:
+    detector = ZeroShotDetector(str(make(tmp_path)), None, None, EYES)
+    images = torch.zeros(1, 3, 64, 128)
+    images[:, :, 32:40, 96:104] = 1.0
+    real = detector({EYES: images}, [["ball", "wine bottle"]])
+    assert real.box.shape == (1, 2, 4) and ((real.score >= 0) & (real.score <= 1)).all()
+    monkeypatch.setattr(detector.candidates, "model", network())
+    found = detector({EYES: images}, [["ball", "wine bottle"]])
+    assert torch.allclose(found.centre, torch.tensor([100 / 128, 36 / 64]).expand(1, 2, 2), atol=0.07)
+    if network is BrightestPixel:
+        # "ball" is token 5, "wine bottle" 9 and 10: the best token of a name counts, the full stops do not.
+        assert torch.allclose(found.score, torch.tensor([[-3.0, 2.0]]).sigmoid())
+
+
+def test_a_model_of_another_kind_is_no_detector(t5: Path) -> None:
+    with pytest.raises(
+        ValueError, match=r"--policy.detector=\S+ is a t5; give one of owlv2, owlvit, grounding-dino"
+    ):
+        make_policy(t5, detector=str(t5))
 
 
 def test_owlv2_can_look_at_one_place_alone(owlv2: ZeroShotDetector, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -66,7 +66,8 @@ def test_a_dataset_without_texts_has_none(tmp_path: Path) -> None:
 def test_a_rollout_becomes_what_the_loader_gives(window: tuple[torch.Tensor, ...]) -> None:
     episode, _, _ = window
     observation = {"observation.state": torch.zeros(2, 3), "task": ["push red"] * 2}
-    actions = [action.expand(2, -1) for action in episode]
+    # After the last action the pose is held, as a policy does it until the environment ends.
+    actions = [action.expand(2, -1) for action in [*episode, *episode[-1:]]]
     batch = finished_episode([observation] * 2, actions, max_episode_steps=20)
     assert batch["action"].shape == (2, 39, 2)
     recovered, length = recover_actions(batch["action"], batch["action_is_pad"])
@@ -78,4 +79,4 @@ def test_a_rollout_becomes_what_the_loader_gives(window: tuple[torch.Tensor, ...
 def test_a_rollout_that_is_too_long_is_no_episode() -> None:
     observation = {"observation.state": torch.zeros(1, 3), "task": ["push red"]}
     with pytest.raises(ValueError, match=r"1 to 5 actions .* not 6"):
-        finished_episode([observation] * 2, [torch.zeros(1, 3)] * 6, max_episode_steps=5)
+        finished_episode([observation] * 2, [torch.full((1, 3), i) for i in range(6)], 5)

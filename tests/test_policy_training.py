@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The policy on a data set: features, normalisation, lessons, loss, checkpoints."""
+"""The policy on a dataset: features, normalisation, lessons, loss, checkpoints."""
 
 import copy
 from pathlib import Path
@@ -36,6 +36,8 @@ from policy_helpers import (
     without_dropout,
 )
 
+pytestmark = pytest.mark.slow  # trains
+
 FRAMES = [0, 7, 20, 33, 41, 50]
 
 
@@ -45,7 +47,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
 
 
 def make(dataset: LeRobotDataset, t5: Path, **options: Any) -> tuple[OWLxT5Policy, Any, Any]:
-    """Policy and processors as lerobot-train makes them: features come from the data set."""
+    """Policy and processors as lerobot-train makes them: features come from the dataset."""
     config = make_config(t5, **options)
     config.input_features = {}
     torch.manual_seed(0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Words that no data set of ours has."""
+"""Words that no dataset of ours has."""
 
 import numpy as np
 import pytest

@@ -138,6 +138,7 @@ def test_another_render_mode_is_refused():
         TabletopEnv("PUSH-L", render_mode="ansi")
 
 
+@pytest.mark.slow
 def test_gymnasium_makes_the_environments_without_lerobot():
     code = """if True:
         import sys
@@ -191,6 +192,7 @@ def test_vector_environments_agree():
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_the_world_needs_no_torch():
     code = "import sys, nico_tabletop.env; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -191,14 +191,22 @@ def _record(studio: Studio, demonstration: Demonstration, folder: Path) -> Take:
         return Take(None, 0, demonstration.split, outcome, [])
     dataset.save_episode()
     dataset.finalize()
-    _check_videos(folder, len(joints))
+    check_videos(folder, len(joints))
     return Take(
         folder, len(joints), demonstration.split, outcome, _language_rows(demonstration, outcome, boxes)
     )
 
 
-def _check_videos(folder: Path, frames: int) -> None:
-    """LeRobot only logs it if its encoder loses frames or does not end in time."""
+def check_videos(folder: Path, frames: int) -> None:
+    """Check that a take's videos are whole: LeRobot only logs it if its encoder loses frames.
+
+    Args:
+        folder: Of the take.
+        frames: How many each video should have.
+
+    Raises:
+        OSError: Naming the video that has fewer or more.
+    """
     for path in folder.glob("videos/**/*.mp4"):
         with av.open(str(path)) as video:
             if (written := video.streams.video[0].frames) != frames:

@@ -65,7 +65,7 @@ def main() -> None:
     """Print the table, and save an image with a row of frames for some of the videos."""
     parser = argparse.ArgumentParser(prog="python -m nico_tabletop.report", description=main.__doc__)
     parser.add_argument("eval_info", nargs="+", type=Path, help="eval_info.json of lerobot-eval")
-    parser.add_argument("--picture", type=Path, required=True, help="PNG file to write")
+    parser.add_argument("--image", type=Path, required=True, help="PNG file to write")
     arguments = parser.parse_args()
     by_type: dict[str, dict[str, Counter[Outcome]]] = {}
     rows = []
@@ -74,12 +74,12 @@ def main() -> None:
         by_type |= outcomes(info)
         videos = [paths[0] for task in info["per_task"] if (paths := task["metrics"]["video_paths"])]
         rows += [_frames(Path(video)) for video in videos[:: max(1, len(videos) // _ROWS)][:_ROWS]]
-    Image.fromarray(np.concatenate(rows)).resize((1280, 240 * len(rows))).save(arguments.picture)
+    Image.fromarray(np.concatenate(rows)).resize((1280, 240 * len(rows))).save(arguments.image)
     console = Console()
     console.print(outcome_table(by_type))
     for path in arguments.eval_info:
         console.print(f"Videos: {path.parent / 'videos'}", soft_wrap=True)
-    console.print(f"Picture: {arguments.picture}", soft_wrap=True)
+    console.print(f"Image: {arguments.image}", soft_wrap=True)
 
 
 if __name__ == "__main__":

@@ -103,8 +103,8 @@ def finished_episode(
     Args:
         observations: Before the preprocessor, each (batch, ...) and with a `task`. Two are enough for
             `owlxt5`, the first and the last; `crosst5` needs the one before each action.
-        actions: After the postprocessor, each (batch, joints), at most L; without the steps in which the last
-            pose was only held.
+        actions: After the postprocessor, each (batch, joints); steps at the end in which nothing changes are
+            left out.
         max_episode_steps: L of the policy's configuration.
 
     Returns:
@@ -114,21 +114,26 @@ def finished_episode(
     Raises:
         ValueError: If there are no actions, or more than L.
     """
-    if not 0 < len(actions) <= max_episode_steps:
+    length = len(actions)
+    while length > 1 and torch.equal(actions[length - 1], actions[length - 2]):
+        length -= 1
+    if not 0 < length <= max_episode_steps:
         raise ValueError(
             f"A finished episode has 1 to {max_episode_steps} actions (--policy.max_episode_steps), "
-            f"not {len(actions)}."
+            f"not {length}."
         )
     # The window of the episode's first frame: L - 1 steps before it, and L from it on.
     step = torch.arange(1 - max_episode_steps, max_episode_steps)
-    is_pad = ((step < 0) | (step >= len(actions)))[None].expand(len(actions[0]), -1)
-    window = torch.stack([*actions], dim=1)[:, step.clamp(0, len(actions) - 1)]
-    batch: dict[str, Any] = {ACTION: window, "action_is_pad": is_pad, "task": observations[0]["task"]}
-    few = len(observations) < len(actions)
+    inside = step.clamp(0, length - 1)
+    is_pad = ((step < 0) | (step >= length)).expand(len(actions[0]), -1)
+    batch: dict[str, Any] = {
+        ACTION: torch.stack([*actions], dim=1)[:, inside],
+        "action_is_pad": is_pad,
+        "task": observations[0]["task"],
+    }
     for key in (key for key in observations[0] if key.startswith(OBS_PREFIX)):
-        seen = torch.stack([observation[key] for observation in observations], dim=1)
-        if not few:
-            seen = seen[:, step.clamp(0, len(actions) - 1)]
+        batch[key] = torch.stack([observation[key] for observation in observations], dim=1)
+        if len(observations) >= len(actions):
+            batch[key] = batch[key][:, inside]
             batch[f"{key}_is_pad"] = is_pad
-        batch[key] = seen
     return batch

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`owlxt5-evaluate`: the figures of all modes of a checkpoint on a data set (docs/evaluation.md)."""
+"""`owlxt5-evaluate`: the figures of all modes of a checkpoint on a dataset (docs/evaluation.md)."""
 
 import datetime as dt
 import sys
@@ -28,12 +28,12 @@ ALL = "all"
 
 @dataclass
 class EvaluateConfig:
-    """Evaluate all modes of a checkpoint of owlxt5 or crosst5 (--policy.path) on a data set."""
+    """Evaluate all modes of a checkpoint of owlxt5 or crosst5 (--policy.path) on a dataset."""
 
     dataset: DatasetConfig
-    # Split of the data set, or `all`.
+    # Split of the dataset, or `all`.
     split: str = "test"
-    # Repeat execute and describe with words that are not in the data set.
+    # Repeat execute and describe with words that are not in the dataset.
     robustness: bool = False
     # Episodes that are evaluated together.
     batch_size: int = 8
@@ -51,7 +51,7 @@ class EvaluateConfig:
 def load_policy() -> tuple[CrossmodalPolicy, Processor, Processor]:
     """Load the checkpoint that --policy.path names, changed by the other --policy options.
 
-    Unlike LeRobot's `make_policy` it does not show the policy the data set: owlxt5 would take the tasks in
+    Unlike LeRobot's `make_policy` it does not show the policy the dataset: owlxt5 would take the tasks in
     there for tasks that it was trained on.
 
     Returns:
@@ -80,8 +80,8 @@ def open_dataset(config: EvaluateConfig, policy: CrossmodalConfig) -> LeRobotDat
     """Open the chosen episodes, with the windows that the policy needs to describe a finished episode.
 
     Raises:
-        FileNotFoundError: If the folder holds no data set.
-        ValueError: If the split is not there, or the data set does not fit the policy.
+        FileNotFoundError: If the folder holds no dataset.
+        ValueError: If the split is not there, or the dataset does not fit the policy.
     """
     options = config.dataset
     if options.root is not None and not (Path(options.root) / "meta" / "info.json").is_file():
@@ -89,7 +89,7 @@ def open_dataset(config: EvaluateConfig, policy: CrossmodalConfig) -> LeRobotDat
     meta = LeRobotDatasetMetadata(options.repo_id, root=options.root, revision=options.revision)
     missing = [key for key in [*(policy.input_features or {}), ACTION] if key not in meta.features]
     if missing:
-        raise ValueError(f"the data set {options.repo_id} lacks what the policy needs: {', '.join(missing)}")
+        raise ValueError(f"the dataset {options.repo_id} lacks what the policy needs: {', '.join(missing)}")
     check_episode_lengths(meta, policy.max_episode_steps)
     episodes = choose_episodes(meta, config.split, options.episodes)
     seen, done = (
@@ -112,7 +112,7 @@ def choose_episodes(meta: LeRobotDatasetMetadata, split: str, among: Sequence[in
     """Choose the episodes of a split.
 
     Args:
-        meta: The data set's metadata, with splits such as {"test": "1080:1440"}.
+        meta: The dataset's metadata, with splits such as {"test": "1080:1440"}.
         split: A split's name, or `all`.
         among: Only these episodes count, if given (--dataset.episodes).
 
@@ -127,7 +127,7 @@ def choose_episodes(meta: LeRobotDatasetMetadata, split: str, among: Sequence[in
         chosen = range(int(start), int(end))
     else:
         raise ValueError(
-            f"the data set {meta.repo_id} has no split '{split}'; choose --split={ALL}"
+            f"the dataset {meta.repo_id} has no split '{split}'; choose --split={ALL}"
             + "".join(f" or --split={name}" for name in splits)
         )
     episodes = [episode for episode in chosen if among is None or episode in among]
@@ -142,15 +142,15 @@ def describe_run(
     config: EvaluateConfig, policy: CrossmodalConfig, dataset: LeRobotDataset
 ) -> dict[str, str | int]:
     """All that the figures must not be quoted without."""
-    eyes = getattr(policy, "detector", f"those of {policy.type}, no detector")
-    if eyes == GROUND_TRUTH:
-        eyes += " (the simulator's own boxes: an upper bound, no detector)"
+    detector = getattr(policy, "detector", f"none: {policy.type} sees whole images")
+    if detector == GROUND_TRUTH:
+        detector += " (the simulator's own boxes: an upper bound, no detector)"
     trained = "trained along" if policy.train_language_model else "frozen"
     return {
         "checkpoint": str(policy.pretrained_path),
         "policy": policy.type,
-        "eyes": eyes,
-        "tongue": f"{policy.language_model} ({trained})",
+        "detector": detector,
+        "language model": f"{policy.language_model} ({trained})",
         "dataset": config.dataset.repo_id,
         "split": config.split,
         "episodes": dataset.num_episodes,

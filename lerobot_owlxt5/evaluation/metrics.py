@@ -79,7 +79,7 @@ def nrmse(squared_error: Array, numbers: Array, joint_range: float) -> Array:
     Args:
         squared_error: (..., episodes) sums of squared errors.
         numbers: (..., episodes) how many joint values each sum is made of.
-        joint_range: max - min of all joints over the whole data set, in the unit of the errors.
+        joint_range: max - min of all joints over the whole dataset, in the unit of the errors.
 
     Returns:
         (...).

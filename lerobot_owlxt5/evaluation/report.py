@@ -42,7 +42,7 @@ class Report:
     """What was evaluated, and what came out.
 
     Attributes:
-        about: Checkpoint, eyes, data set and all else that a figure must not be quoted without.
+        about: Checkpoint, detector, dataset and all else that a figure must not be quoted without.
         rows: The figures, rows of a mode one after the other.
     """
 

@@ -27,7 +27,7 @@ from .report import Row
 from .rewording import COMMAND_KINDS, LABEL_KINDS, reword_command, reword_labels
 
 MODES = ("execute", "repeat action", "describe", "repeat language", "translate", "T5 alone")
-AS_TRAINED = "data set"
+AS_TRAINED = "dataset"
 
 type Processor = PolicyProcessorPipeline[Any, Any]
 
@@ -50,7 +50,7 @@ class Scores:
     def add_movements(
         self, mode: str, variant: str, planned: Tensor, true: Tensor, lengths: Tensor, moves: Sequence[bool]
     ) -> None:
-        """Compare plans with the true actions, both (batch, L, joints) in the data set's unit.
+        """Compare plans with the true actions, both (batch, L, joints) in the dataset's unit.
 
         The stop is compared where a plan `moves`.
         """
@@ -69,7 +69,7 @@ class Scores:
         """The figures with their intervals.
 
         Args:
-            joint_range: max - min of the joints over the whole data set, in its unit.
+            joint_range: max - min of the joints over the whole dataset, in its unit.
             seed: Seed of the bootstrap.
         """
         rows = []
@@ -110,7 +110,7 @@ def score_policy(
         postprocessor: Its postprocessor.
         dataset: The chosen episodes, with windows from each first frame over the whole episode.
         batch_size: Episodes at once.
-        robustness: Repeat execute and describe with words that are not in the data set.
+        robustness: Repeat execute and describe with words that are not in the dataset.
         seed: Seed of these words.
     """
     texts = EpisodeStore(dataset.meta).texts
@@ -170,7 +170,7 @@ def score_policy(
 
 
 def accepted_descriptions(wordings: Sequence[str], label: str) -> list[str]:
-    """The accepted wordings, and the same with the object called as the eyes were told to call it."""
+    """The accepted wordings, and the same with the object called as the detector was told to call it."""
     names = dict.fromkeys([label, plain(label)])
     renamed = [rename_object(wording, name) for wording in wordings for name in names]
     return [spoken(wording) for wording in [*wordings, *renamed]]
@@ -179,7 +179,7 @@ def accepted_descriptions(wordings: Sequence[str], label: str) -> list[str]:
 def _score_translations(
     scores: Scores, policy: Any, batch: dict[str, Any], texts: Sequence[EpisodeTexts]
 ) -> None:
-    """Against the language model's own output, which is what the policy learns, and against the data set."""
+    """Against the language model's own output, which is what the policy learns, and against the dataset."""
     sentences = [each.sentence for each in texts if each.sentence is not None]
     if len(sentences) < len(texts):
         return
@@ -190,5 +190,5 @@ def _score_translations(
     translated = policy.translate(sentences, batch)
     references = [[each.translation or ""] for each in texts]
     scores.add_texts("translate", "vs. T5 alone", translated, [[text] for text in alone])
-    scores.add_texts("translate", "vs. data set", translated, references)
-    scores.add_texts("T5 alone", "vs. data set", alone, references)
+    scores.add_texts("translate", "vs. dataset", translated, references)
+    scores.add_texts("T5 alone", "vs. dataset", alone, references)
