@@ -70,7 +70,7 @@ def test_channels_do_not_mix() -> None:
     assert changed.unflatten(0, (3, 10)).any(dim=1).tolist() == [False, True, False]
 
 
-def test_pictures_of_any_size_and_type_are_seen_alike() -> None:
+def test_images_of_any_size_and_type_are_seen_alike() -> None:
     torch.manual_seed(0)
     autoencoder = ChannelSeparatedAutoencoder()
     small = torch.randint(0, 256, (2, 40, 3, HEIGHT, WIDTH), dtype=torch.uint8)
@@ -125,7 +125,7 @@ def test_the_autoencoder_learns_to_reconstruct_frames(folder: Path) -> None:
     config = CrossT5AutoencoderConfig(optimizer_lr=4e-3, device="cpu", push_to_hub=False)
     policy = lerobot_make_policy(config, ds_meta=meta)
     frames = torch.cat([frames for _, frames in EpisodeStore(meta).frames(EYES)])[::200] / 255
-    mean_picture = 255 * frames.std(dim=0, correction=0).square().mean().sqrt().item()
+    mean_image = 255 * frames.std(dim=0, correction=0).square().mean().sqrt().item()
     optimizer = policy.config.get_optimizer_preset().build(policy.get_optim_params())
     policy.train()
     for _ in range(250):
@@ -133,7 +133,7 @@ def test_the_autoencoder_learns_to_reconstruct_frames(folder: Path) -> None:
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
-    assert terms["grey_levels"] < 0.95 * mean_picture, "features must tell the frames apart"
+    assert terms["grey_levels"] < 0.95 * mean_image, "features must tell the frames apart"
 
 
 # The second training ----------------------------------------------------------------------------------------
@@ -179,7 +179,7 @@ def test_only_a_command_that_is_not_known_is_refused(
     assert held.tolist() == [False, False, True]
 
 
-def test_the_plan_depends_on_the_picture(dataset: LeRobotDataset, t5: Path, autoencoder: Path) -> None:
+def test_the_plan_depends_on_the_image(dataset: LeRobotDataset, t5: Path, autoencoder: Path) -> None:
     policy, _ = make(dataset, t5, autoencoder)
     batch = observe(["push red"])
     plan = policy.predict_action_chunk(batch)

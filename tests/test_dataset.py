@@ -89,7 +89,7 @@ def test_language_rows_say_what_happens(built: LeRobotDataset):
         assert any(task.endswith(name) for name in seen)
 
 
-def test_the_boxes_of_the_first_and_the_last_frame_are_those_of_the_pictures(built: LeRobotDataset):
+def test_the_boxes_of_the_first_and_the_last_frame_are_those_of_the_images(built: LeRobotDataset):
     for episode in built.meta.episodes:
         start, end = episode["dataset_from_index"], episode["dataset_to_index"]
         boxes = json.loads(language(built, start)["scene"][0])["boxes"]

@@ -181,9 +181,9 @@ def test_the_card_tells_a_person_what_it_is(root: Path):
     assert "Quirks of the release" not in card.text
     for column in json.loads((root / "meta" / "info.json").read_text())["features"]:
         assert f"| `{column}` |" in card.text
-    picture = np.asarray(Image.open(root / "preview.jpg"))
-    assert picture.shape == (4 * 184 - 4, 4 * 244 - 4, 3)
-    assert picture.std() > 10
+    image = np.asarray(Image.open(root / "preview.jpg"))
+    assert image.shape == (4 * 184 - 4, 4 * 244 - 4, 3)
+    assert image.std() > 10
 
 
 def test_the_card_never_licenses_the_releases_data(root: Path):

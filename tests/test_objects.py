@@ -379,7 +379,7 @@ def test_the_builder_refuses_a_file_that_is_not_there(tmp_path: Path):
 def test_a_contact_sheet_shows_a_users_objects(toys: Path, tmp_path: Path):
     sheet = tmp_path / "sheet.png"
     run("python", "-m", "nico_tabletop.contact_sheet", toys, f"--output={sheet}")
-    with Image.open(sheet) as picture:
-        pixels = np.array(picture.convert("RGB"))
+    with Image.open(sheet) as image:
+        pixels = np.array(image.convert("RGB"))
     thirds = np.split(pixels, 3, axis=1)
     assert not any(np.array_equal(one, other) for one, other in pairwise(thirds))

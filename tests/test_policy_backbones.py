@@ -171,7 +171,7 @@ def test_a_checkpoint_names_the_commits_of_its_backbones(
     assert torch.equal(moved.predict_action_chunk(batch), policy.predict_action_chunk(batch))
 
 
-def test_the_embedded_tongue_speaks_and_a_checkpoint_notes_which_it_was(tmp_path: Path) -> None:
+def test_the_embedded_language_model_speaks_and_a_checkpoint_notes_which_it_was(tmp_path: Path) -> None:
     policy = make_policy(Path("embedded"))
     assert policy.model.language.model.dtype == torch.float32
     prompts = ["execute: move up the wug", "Translate English to German: Push the red cube to the left"]
@@ -189,7 +189,7 @@ def test_the_embedded_tongue_speaks_and_a_checkpoint_notes_which_it_was(tmp_path
         OWLxT5Policy.from_pretrained(tmp_path)
 
 
-def test_a_checkpoint_notes_which_embedded_eyes_it_was_trained_with(t5: Path, tmp_path: Path) -> None:
+def test_a_checkpoint_notes_which_embedded_detector_it_was_trained_with(t5: Path, tmp_path: Path) -> None:
     make_policy(t5, detector="embedded").save_pretrained(tmp_path)
     config = json.loads((tmp_path / "config.json").read_text())
     assert len(config["detector_revision"]) == 12

@@ -111,8 +111,8 @@ def test_projected_and_segmented_boxes_agree(objects: str):
         assert (whole[:, :2] <= seen[:, :2] + 1).all()
         assert (whole[:, 2:] >= seen[:, 2:] - 1).all()
         assert np.abs(whole[1] - seen[1]).max() <= 2, names[1]
-    picture = simulation.render(EYES, height, width)
-    assert picture.std() > 20, "a picture after the segmentation is a picture again"
+    image = simulation.render(EYES, height, width)
+    assert image.std() > 20, "what is drawn after a segmentation is an image again"
 
 
 def test_an_object_that_is_not_seen_has_no_segmented_box(cubes: TabletopSimulation):
