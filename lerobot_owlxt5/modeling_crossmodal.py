@@ -21,7 +21,7 @@ from .data.windows import first_pose, recorded_joints, still
 from .losses import mixed_loss
 from .mode_sampling import ModeSampler, sample_rngs
 from .model.crossmodal_model import CrossmodalModel
-from .validation import check_finite_loss, check_state
+from .validation import check_finite_loss, check_state, read_tasks
 from .visual_encoder import VisualEncoder
 
 if TYPE_CHECKING:
@@ -163,7 +163,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
                 rngs = sample_rngs(seed, batch["index"])
                 self.rest_pose = self.episodes.initial_pose.to(self.rest_pose)
             actions, length = self.episodes.actions(batch, self.config.max_episode_steps)
-            names = [parse_command(task).object for task in batch["task"]]
+            names = [parse_command(task).object for task in read_tasks(batch)]
             seen = self.visual.encode_cached(batch, names, self.episodes)
             terms = mixed_loss(
                 self.model,
@@ -222,7 +222,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
         """
         self.eval()
         check_state(batch[OBS_STATE], self.config.action_feature.shape[0])
-        instructions = [interpret(task, self.config.tasks or ()) for task in batch["task"]]
+        instructions = [interpret(task, self.config.tasks or ()) for task in read_tasks(batch)]
         seen = self.visual.encode(batch, [instruction.command.object for instruction in instructions])
         found: list[bool] = seen.object_found.tolist()
         paired = list(zip(instructions, found, strict=True))
@@ -272,7 +272,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
         """
         self.eval()
         joints = recorded_joints(batch)
-        names = [parse_command(task).object for task in batch["task"]]
+        names = [parse_command(task).object for task in read_tasks(batch)]
         features = self.visual.encode(batch, names).features
         prompts = [repeat_action_prompt()] * len(joints)
         return self.model.plan(prompts, features, joints, self.config.max_episode_steps)

@@ -31,6 +31,21 @@ def check_state(state: Tensor, joints: int) -> None:
         )
 
 
+def read_tasks(batch: Mapping[str, Any]) -> list[str]:
+    """The task of each sample of a batch.
+
+    Raises:
+        ValueError: If there is not one text for each sample.
+    """
+    tasks, samples = batch.get("task"), len(batch[OBS_STATE])
+    if not isinstance(tasks, list | tuple) or [type(task) for task in tasks] != [str] * samples:
+        raise ValueError(
+            f"'task' must be a list with one command for each of the {samples} samples of the batch, such as "
+            f"'push the red cube', and is {tasks!r}."
+        )
+    return [*tasks]
+
+
 def check_finite_loss(loss: Tensor, batch: Mapping[str, Any]) -> None:
     """Stop before a loss (batch,) that is no number ruins the weights, and say where it comes from.
 

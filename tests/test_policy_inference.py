@@ -119,6 +119,16 @@ def test_a_robot_with_other_joints_does_not_act(t5: Path) -> None:
         policy.select_action(batch)
 
 
+@pytest.mark.parametrize("task", [None, [None], ["push red", "pull red"], "push red"])
+def test_a_robot_without_a_task_is_told_what_is_missing(t5: Path, task: object) -> None:
+    batch = observe(["push red"]) | {"task": task}
+    with pytest.raises(ValueError, match=r"'task' must be a list with one command for each of the 1 samples"):
+        make_policy(t5).select_action(batch)
+    del batch["task"]
+    with pytest.raises(ValueError, match="and is None"):
+        make_policy(t5).select_action(batch)
+
+
 @pytest.mark.parametrize("number", [float("nan"), float("inf")])
 def test_a_robot_without_a_pose_does_not_act(t5: Path, number: float) -> None:
     policy = make_policy(t5)
