@@ -94,7 +94,7 @@ def test_a_resumed_run_ends_with_the_same_weights(folder: Path, checkpoints: Pat
         assert torch.equal(tensor, after[key]), key
 
 
-# Of a T5 that is trained along the dropout is off too: masks are drawn for a batch as a whole.
+# Dropout is also off in a trained T5, because its masks depend on the whole batch.
 ALL_MODES = '--policy.mode_probabilities={"execute":0.3,"describe":0.3,"repeat_action":0.2,"translate":0.2}'
 
 
@@ -109,7 +109,8 @@ def test_two_processes_learn_what_one_learns_from_the_doubled_batch(folder: Path
     t5 = without_dropout(shutil.copytree(folder / "t5", folder / f"t5_{trained_along}"))
     options = (
         *(*TRAIN, f"--dataset.root={folder / 'data'}", f"--policy.language_model={t5}", "--steps=6"),
-        *(f"--policy.train_language_model={trained_along}", ALL_MODES, "--log_freq=1"),
+        # Dropout masks are drawn for a batch as a whole.
+        *(f"--policy.train_language_model={trained_along}", ALL_MODES, "--policy.dropout=0", "--log_freq=1"),
     )
     one, two = folder / f"one_{trained_along}", folder / f"two_{trained_along}"
     expected = curve(run("lerobot-train", *options, "--batch_size=8", f"--output_dir={one}"))
@@ -147,7 +148,7 @@ def test_adapters_are_trained_and_evaluated(folder: Path, checkpoints: Path):
     )
 
 
-def test_bf16_trains_and_acts_on_what_the_embedded_eyes_see(folder: Path):
+def test_bf16_trains_and_acts_on_what_the_embedded_detector_sees(folder: Path):
     last = train(folder, "bf16", "--policy.use_amp=true", "--policy.detector=embedded") / "last"
     assert all(
         tensor.dtype != torch.bfloat16 and tensor.isfinite().all() for tensor in weights(last).values()
@@ -178,18 +179,18 @@ def test_another_policy_trains_on_the_same_data(folder: Path):
 OPTIONS = {"clant": ("--env.placement=free",), "claeo": ("--env.objects=household",)}
 
 
-@pytest.mark.parametrize(("suite", "batch"), [("clant", 1), ("claeo", 2)])
-def test_a_checkpoint_is_evaluated(folder: Path, checkpoints: Path, suite: str, batch: int):
-    output = folder / f"eval_{suite}"
+@pytest.mark.parametrize(("env_type", "batch"), [("clant", 1), ("claeo", 2)])
+def test_a_checkpoint_is_evaluated(folder: Path, checkpoints: Path, env_type: str, batch: int):
+    output = folder / f"eval_{env_type}"
     run(
         "lerobot-eval",
         f"--policy.path={checkpoints / 'last' / 'pretrained_model'}",
-        *(f"--env.type={suite}", *OPTIONS[suite], "--env.task=PUSH-L", "--policy.device=cpu"),
+        *(f"--env.type={env_type}", *OPTIONS[env_type], "--env.task=PUSH-L", "--policy.device=cpu"),
         *("--env.observation_height=48", "--env.observation_width=64"),
         *(f"--eval.n_episodes={batch}", f"--eval.batch_size={batch}", f"--output_dir={output}"),
     )
     info = json.loads((output / "eval_info.json").read_text())
-    assert info["per_group"][suite]["n_episodes"] == batch
+    assert info["per_group"][env_type]["n_episodes"] == batch
     assert all(Path(video).stat().st_size > 0 for video in info["overall"]["video_paths"])
     table = run(
         "python", "-m", "nico_tabletop.report", output / "eval_info.json", f"--image={output / 'p.png'}"
