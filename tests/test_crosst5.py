@@ -281,21 +281,21 @@ def checkpoint(folder: Path, trained_autoencoder: Path) -> Path:
     return train(folder, "crosst5", *sizes, *language, f"--policy.autoencoder={trained_autoencoder}")
 
 
-def evaluate(checkpoint: Path, suite: str, output: Path) -> tuple[str, ...]:
+def evaluate(checkpoint: Path, env_type: str, output: Path) -> tuple[str, ...]:
     """Arguments of lerobot-eval."""
     return (
-        *(f"--policy.path={checkpoint}", "--policy.device=cpu", f"--env.type={suite}", "--env.task=PUSH-L"),
+        *(f"--policy.path={checkpoint}", "--policy.device=cpu", f"--env.type={env_type}", "--env.task=PUSH-L"),
         *("--env.observation_height=48", "--env.observation_width=64"),
         *("--eval.n_episodes=1", "--eval.batch_size=1", f"--output_dir={output}"),
     )
 
 
-@pytest.mark.parametrize("suite", ["clant", "claeo"])
-def test_a_checkpoint_is_evaluated(folder: Path, checkpoint: Path, suite: str) -> None:
-    output = folder / f"eval_{suite}"
-    run("lerobot-eval", *evaluate(checkpoint, suite, output))
+@pytest.mark.parametrize("env_type", ["clant", "claeo"])
+def test_a_checkpoint_is_evaluated(folder: Path, checkpoint: Path, env_type: str) -> None:
+    output = folder / f"eval_{env_type}"
+    run("lerobot-eval", *evaluate(checkpoint, env_type, output))
     info = json.loads((output / "eval_info.json").read_text())
-    assert info["per_group"][suite]["n_episodes"] == 1
+    assert info["per_group"][env_type]["n_episodes"] == 1
 
 
 def test_a_resumed_run_encodes_again_and_ends_with_the_same_weights(
