@@ -284,7 +284,8 @@ def checkpoint(folder: Path, trained_autoencoder: Path) -> Path:
 def evaluate(checkpoint: Path, env_type: str, output: Path) -> tuple[str, ...]:
     """Arguments of lerobot-eval."""
     return (
-        *(f"--policy.path={checkpoint}", "--policy.device=cpu", f"--env.type={env_type}", "--env.task=PUSH-L"),
+        *(f"--policy.path={checkpoint}", "--policy.device=cpu"),
+        *(f"--env.type={env_type}", "--env.task=PUSH-L"),
         *("--env.observation_height=48", "--env.observation_width=64"),
         *("--eval.n_episodes=1", "--eval.batch_size=1", f"--output_dir={output}"),
     )
