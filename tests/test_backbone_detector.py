@@ -182,7 +182,7 @@ def test_prepared_images_are_what_the_processor_makes(images: list[dict[str, Any
     image = {**images[0], "image": np.full((240, 320, 3), 128, dtype=np.uint8)}
     image["image"][100:140, 60:120] = 30
     collate = Collator(processor, 16)
-    collate._relight = torch.nn.Identity()
+    collate.relight = torch.nn.Identity()
     mine = collate([image])["pixel_values"][0]
     theirs = processor(images=image["image"], return_tensors="pt")["pixel_values"][0]
     nearest = min((mine - each).abs().mean() for each in (theirs, theirs.flip(-1)))

@@ -42,7 +42,7 @@ class Collator:
         self._edge = processor.image_processor.size["width"]  # type: ignore[attr-defined]
         self._side, self._patches = side, patches
         light = v2.ColorJitter(brightness=0.25, contrast=0.25, saturation=0.25)
-        self._relight = v2.Compose([light, v2.GaussianNoise(sigma=0.02)])
+        self.relight = v2.Compose([light, v2.GaussianNoise(sigma=0.02)])
 
     def __call__(self, rows: Sequence[Mapping[str, Any]]) -> dict[str, Tensor]:
         """Collate rows of `scenes.RandomScenes.images`.
@@ -88,7 +88,7 @@ class Collator:
         height, width = image.shape[-2:]
         scale = self._edge / max(height, width)
         image = v2.functional.resize(image, [round(height * scale), round(width * scale)], antialias=False)
-        image = self._relight(image.float() / 255).clamp(0, 1)
+        image = self.relight(image.float() / 255).clamp(0, 1)
         return image.flip(-1) if flipped else image
 
     def _truth(
