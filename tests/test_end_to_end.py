@@ -123,7 +123,13 @@ def test_two_processes_learn_what_one_learns_from_the_doubled_batch(folder: Path
             assert ours[key] == pytest.approx(theirs[key], abs=2e-3), key  # three decimals are logged
     first, second = (weights(output / "checkpoints" / "last") for output in (one, two))
     for key, tensor in first.items():
-        assert torch.allclose(tensor.float(), second[key].float(), atol=1e-4), key
+        ours, theirs = tensor.float(), second[key].float()
+        if key.endswith("attention.in_proj_bias"):
+            # Softmax ignores the keys' bias: Adam makes steps of its gradient's rounding errors.
+            ours, theirs = (
+                torch.cat([queries, values]) for queries, _, values in (ours.chunk(3), theirs.chunk(3))
+            )
+        assert torch.allclose(ours, theirs, atol=1e-4), key
 
 
 def test_adapters_are_trained_and_evaluated(folder: Path, checkpoints: Path):
