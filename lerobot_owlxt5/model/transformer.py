@@ -15,8 +15,8 @@ class CrossmodalTransformer(nn.Module):
         z = norm_attention(x + dropout(attention(x, y, y)))
         h = norm_feedforward(z + dropout(W_2 dropout(ReLU(W_1 z))))
 
-    Both sides share one norm: without it, 35 times less of the action reaches h at the start. The layer has no
-    self-attention. The equations, the sizes and the first weights are those of the CrossT5 authors' code.
+    Both sides share one norm: without it, 35 times less of the action reaches h at the start. The layer has
+    no self-attention. The equations, the sizes and the first weights are those of the CrossT5 authors' code.
     """
 
     def __init__(
