@@ -11,7 +11,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 arrangements=${1:-4}
-steps=${2:-2000}
+steps=${2:-1000}
 episodes=${3:-2}
 out=outputs/demo
 # A computer with few cores is faster when data loading, simulation and training use one thread each.
@@ -54,7 +54,7 @@ step "1/3 Dataset: $arrangements of 120 arrangements of cubes" dataset \
 train=$(python -c "import json; print(json.load(open('$data/meta/info.json'))['splits']['train'][2:])")
 step "2/3 Training on the $train episodes of the train split" train \
     lerobot-train --config_path=configs/small.yaml --policy.type=owlxt5 --policy.detector=embedded \
-    --dataset.root=$data --output_dir=$out/train --steps=$steps \
+    --dataset.root=$data --output_dir=$out/train --steps=$steps --scheduler.num_decay_steps=$steps \
     --dataset.episodes="[$(seq -s, 0 $((train - 1)))]"
 # Both environments side by side: each evaluation keeps one core busy.
 printf 'clant\nclaeo\n' | step "3/3 Evaluation on cubes and on everyday objects" eval \
