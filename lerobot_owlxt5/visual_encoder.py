@@ -187,7 +187,9 @@ class AutoencoderFeatures(nn.Module):
         """
         if not self._cache:
             step = torch.arange(self._steps)
-            frames = tqdm(episodes.frames(self._camera), desc="Encoding all frames", unit="episode")
+            frames = tqdm(
+                episodes.frames(self._camera), "Encoding all frames", total=len(episodes), unit="episode"
+            )
             self._cache = {
                 episode: self.autoencoder.encode_frames(images)[step.clamp(max=len(images) - 1)]
                 for episode, images in frames

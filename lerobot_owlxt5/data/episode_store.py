@@ -70,6 +70,10 @@ class EpisodeStore:
     def __init__(self, meta: "LeRobotDatasetMetadata") -> None:
         self._meta = meta
 
+    def __len__(self) -> int:
+        """Episodes of the dataset, those whose files are not on this machine too."""
+        return self._meta.total_episodes
+
     def actions(self, batch: dict[str, Any], steps: int) -> tuple[Tensor, Tensor]:
         """The whole episodes that the samples of a training batch come from.
 
@@ -107,7 +111,7 @@ class EpisodeStore:
             )
         return actions, length
 
-    @property
+    @cached_property
     def mean_length(self) -> float:
         """True steps of an episode, on average."""
         lengths: list[int] = self._trajectories.length.tolist()
