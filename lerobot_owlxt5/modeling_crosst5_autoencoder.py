@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The policy CrossT5Autoencoder: the first of CrossT5's two trainings."""
 
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Self
 
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies.pretrained import PreTrainedPolicy
@@ -32,6 +32,11 @@ class CrossT5AutoencoderPolicy(PreTrainedPolicy):
         config.validate_features()
         self.config: CrossT5AutoencoderConfig = config
         self.autoencoder = ChannelSeparatedAutoencoder()
+
+    @classmethod
+    def from_pretrained(cls, *args: Any, strict: bool = True, **kwargs: Any) -> Self:
+        """Load a checkpoint as LeRobot does, but refuse weights of another model: see `CrossmodalPolicy`."""
+        return super().from_pretrained(*args, strict=strict, **kwargs)
 
     def get_optim_params(self) -> list[nn.Parameter]:
         """All parameters."""
@@ -86,7 +91,7 @@ def load_autoencoder(name: str | None) -> ChannelSeparatedAutoencoder:
         if not isinstance(config, CrossT5AutoencoderConfig):
             raise ValueError(f"it is a checkpoint of another kind ({config.type}).")
         config.device = "cpu"
-        return CrossT5AutoencoderPolicy.from_pretrained(name, config=config, strict=True).autoencoder
+        return CrossT5AutoencoderPolicy.from_pretrained(name, config=config).autoencoder
     except (OSError, ValueError, RuntimeError) as error:
         reason = str(error).strip().splitlines()[0]
         raise OSError(

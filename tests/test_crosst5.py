@@ -2,6 +2,7 @@
 """The baseline CrossT5: its autoencoder, its two trainings, and what it does without a detector."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,10 @@ import torch
 from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
 from lerobot.policies.factory import make_policy as lerobot_make_policy
 from lerobot.policies.factory import make_pre_post_processors
-from safetensors.torch import load_file
+from safetensors.torch import load_file, save_file
 
 from commands import run, run_anyway
-from lerobot_owlxt5 import CrossT5AutoencoderConfig, CrossT5Config, CrossT5Policy
+from lerobot_owlxt5 import CrossT5AutoencoderConfig, CrossT5AutoencoderPolicy, CrossT5Config, CrossT5Policy
 from lerobot_owlxt5.data.episode_store import EpisodeStore
 from lerobot_owlxt5.mode_sampling import ModeSampler
 from lerobot_owlxt5.model.autoencoder import HEIGHT, WIDTH, ChannelSeparatedAutoencoder
@@ -236,6 +237,16 @@ def test_an_autoencoder_that_cannot_be_had_are_refused(
             OSError, match=rf"--policy\.autoencoder=\S+/{name} .*{reason}.*=crosst5_autoencoder"
         ):
             make(dataset, t5, tmp_path / name)
+
+
+def test_an_autoencoder_with_other_parameters_is_refused(autoencoder: Path, tmp_path: Path) -> None:
+    shutil.copytree(autoencoder, tmp_path / "other")
+    weights = load_file(autoencoder / "model.safetensors")
+    name = next(iter(weights))
+    weights["old_name"] = weights.pop(name)
+    save_file(weights, tmp_path / "other" / "model.safetensors")
+    with pytest.raises(RuntimeError, match=rf"(?s){name}.*old_name"):
+        CrossT5AutoencoderPolicy.from_pretrained(tmp_path / "other")
 
 
 # Stock commands ---------------------------------------------------------------------------------------------
