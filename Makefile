@@ -18,12 +18,15 @@ setup:
 demo: setup
 	@PATH="$(CURDIR)/.venv/bin:$$PATH" bash configs/demo.sh
 
+# Two test files at a time, on one thread each: more of them would need more memory.
+tests = OMP_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 --dist=loadfile
+
 test: lint
-	.venv/bin/python -m pytest
+	$(tests)
 
 # What starts no command and trains nothing: for the time between two edits.
 test-fast: setup
-	.venv/bin/python -m pytest -q -m "not slow"
+	$(tests) -q -m "not slow"
 
 lint: setup
 	.venv/bin/ruff check

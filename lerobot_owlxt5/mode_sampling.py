@@ -47,7 +47,7 @@ class ModeSampler:
         probabilities: By mode, need not sum to 1. An episode without a sentence is never in translate.
         texts: Wordings and sentences by episode index.
         names_objects: Whether describe's prompt names the object.
-        pseudo_names: Whether some objects get a pseudo-name.
+        pseudo_names: Whether some objects get a pseudo-name, where a prompt names them.
     """
 
     def __init__(
@@ -94,7 +94,9 @@ class ModeSampler:
         for sample, drawn in enumerate(mode.tolist()):
             task = wording = tasks[sample]
             if rngs is not None:
-                task, wording = self._draw_words(task, texts[sample], rngs[sample])
+                # Without its name to look for, nobody can tell which object has got a pseudo-name.
+                renames = self._pseudo_names and (self._names_objects or drawn == REPEAT_LANGUAGE)
+                task, wording = _draw_words(task, texts[sample], rngs[sample], renames)
             label = parse_command(task).object if self._names_objects else ""
             prompts.append(
                 (
@@ -107,15 +109,6 @@ class ModeSampler:
             )
             targets.append(spoken({DESCRIBE: task, REPEAT_LANGUAGE: wording}.get(drawn, "")))
         return ModeBatch(mode, prompts, targets)
-
-    def _draw_words(self, task: str, texts: EpisodeTexts, rng: np.random.Generator) -> tuple[str, str]:
-        """Task and one of its wordings; now and then, for a small T5, both with a pseudo-name."""
-        wordings = texts.wordings or (task,)
-        wording = wordings[rng.integers(len(wordings))]
-        if self._pseudo_names and rng.random() < pseudo_names.SHARE:
-            name = pseudo_names.draw_name(rng)
-            return pseudo_names.rename_object(task, name), pseudo_names.rename_object(wording, name)
-        return task, wording
 
 
 def sample_rngs(seed: int, index: Tensor) -> list[np.random.Generator]:
@@ -146,3 +139,13 @@ def draw_modes(probabilities: Tensor, uniform: Tensor) -> Tensor:
 def spread(index: Tensor) -> Tensor:
     """Turn frame indices into evenly spread numbers in [0, 1): the same in each evaluation."""
     return torch.frac(index.double() * GOLDEN_RATIO)
+
+
+def _draw_words(task: str, texts: EpisodeTexts, rng: np.random.Generator, renames: bool) -> tuple[str, str]:
+    """Task and one of its wordings; now and then both with a pseudo-name, if it `renames`."""
+    wordings = texts.wordings or (task,)
+    wording = wordings[rng.integers(len(wordings))]
+    if renames and rng.random() < pseudo_names.SHARE:
+        name = pseudo_names.draw_name(rng)
+        return pseudo_names.rename_object(task, name), pseudo_names.rename_object(wording, name)
+    return task, wording

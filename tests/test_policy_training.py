@@ -16,6 +16,7 @@ from safetensors.torch import load_file
 
 from lerobot_owlxt5.backbones.pretrained import EMBEDDED
 from lerobot_owlxt5.commands import prompts
+from lerobot_owlxt5.commands.parser import spoken
 from lerobot_owlxt5.data.episode_store import EpisodeStore
 from lerobot_owlxt5.data.normalization import share_joint_range
 from lerobot_owlxt5.data.windows import recover_actions
@@ -209,6 +210,19 @@ def test_describe_repeats_a_pseudo_name(dataset: LeRobotDataset) -> None:
     samples = sampler.sample(batch, sample_rngs(0, batch["index"]))
     for prompt, target in zip(samples.prompts, samples.targets, strict=True):
         assert target.endswith(prompt.removeprefix("describe:"))
+
+
+@pytest.mark.parametrize(
+    ("mode", "renames"), [("execute", False), ("describe", False), ("repeat_language", True)]
+)
+def test_a_policy_that_looks_for_no_name_meets_pseudo_names_in_language_alone(
+    dataset: LeRobotDataset, mode: str, renames: bool
+) -> None:
+    sampler = ModeSampler({mode: 1.0}, {}, names_objects=False, pseudo_names=True)
+    batch = load_batch(dataset.root, list(range(dataset.num_frames)), lambda batch: batch)
+    samples = sampler.sample(batch, sample_rngs(0, batch["index"]))
+    said = samples.targets if mode == "describe" else [prompt.split(": ")[1] for prompt in samples.prompts]
+    assert any(text != spoken(task) for text, task in zip(said, batch["task"], strict=True)) == renames
 
 
 def test_without_texts_the_other_modes_share(tmp_path: Path, t5: Path) -> None:
