@@ -128,6 +128,11 @@ def choose_episodes(meta: LeRobotDatasetMetadata, split: str, among: Sequence[in
     elif split in splits:
         start, _, end = splits[split].partition(":")
         chosen = range(int(start), int(end))
+        if chosen.stop > meta.total_episodes:
+            raise ValueError(
+                f"--split={split} of {meta.repo_id} is {splits[split]}, but the dataset has "
+                f"{meta.total_episodes} episodes: choose --split={ALL}, and some with --dataset.episodes"
+            )
     else:
         raise ValueError(
             f"the dataset {meta.repo_id} has no split '{split}'; choose --split={ALL}"
