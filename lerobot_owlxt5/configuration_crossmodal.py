@@ -52,8 +52,9 @@ class CrossmodalConfig(PreTrainedConfig):
             (translate) gives its share to the others.
         joint_loss_weight: Weight of the action path's loss beside the language loss; 1 in the paper.
         max_text_tokens: Longest text that `describe` and `translate` generate, in tokens.
-        tasks: Task texts of the training data; filled in when training starts. They name the objects that
-            `describe` looks for, and the tasks that the policy knows beside its own verbs.
+        tasks: Task texts of the training data; filled in as training meets them, on several GPUs as the first
+            one does. They name the objects that `describe` looks for, and the tasks that the policy knows
+            beside its own verbs.
         core_version: `CORE_VERSION` of the package that made the policy; filled in when it is made.
         optimizer_lr: Learning rate of Adam.
 
@@ -166,11 +167,17 @@ class CrossmodalConfig(PreTrainedConfig):
             features: Of the dataset, as in its `meta/info.json`.
 
         Raises:
-            ValueError: If it has other joints, or the policy needs a camera and it has none.
+            ValueError: If it lacks the joints under these names or has others, or the policy needs a camera
+                and it has none.
         """
         size = self.action_feature.shape
         for key in (OBS_STATE, ACTION):
-            if key in features and tuple(features[key]["shape"]) != size:
+            if key not in features:
+                raise ValueError(
+                    f"{self.type} reads '{key}' from the dataset's files, where it has another name or is "
+                    "missing. --rename_map can rename cameras alone; rename this feature in the dataset."
+                )
+            if tuple(features[key]["shape"]) != size:
                 raise ValueError(
                     f"The policy was made for {size[0]} joints, but '{key}' of the dataset has the shape "
                     f"{tuple(features[key]['shape'])}. Choose a dataset of the same robot."

@@ -37,6 +37,10 @@ class LossTerms(NamedTuple):
     language: Tensor
     stop: Tensor
 
+    def means(self) -> dict[str, float]:
+        """What the loss is made of, for the log."""
+        return {f"{name}_loss": getattr(self, name).mean().item() for name in ("joint", "language", "stop")}
+
 
 def mixed_loss(
     model: CrossmodalModel,
@@ -58,7 +62,7 @@ def mixed_loss(
         pose: (batch, joints), the first pose, scaled to [-1, 1].
         actions: (batch, L, joints), scaled, the last one held after the episode's end.
         length: (batch,) int64, true steps.
-        mean_length: True steps of an episode of the dataset, on average.
+        mean_length: True steps of an episode of the dataset, on average. It scales all losses alike.
         joint_loss_weight: Weight of the action path beside the language; 1 in the paper.
     """
     mode = samples.mode.to(pose.device)
@@ -88,6 +92,17 @@ def mixed_loss(
     joint, language, stop = share * joint, share * language, share * stop
     loss = language + joint_loss_weight * (joint + STOP_LOSS_WEIGHT * stop)
     return LossTerms(loss, joint, language, stop)
+
+
+def reduce_loss(loss: Tensor, reduction: str) -> Tensor:
+    """Reduce losses (batch,) as `forward` of LeRobot's policies does: `mean`, or `none`.
+
+    Raises:
+        ValueError: For another word.
+    """
+    if reduction not in ("mean", "none"):
+        raise ValueError(f"`reduction` is 'mean' or 'none', not {reduction!r}.")
+    return loss.mean() if reduction == "mean" else loss
 
 
 def residual_loss(residual: Tensor, mask: Tensor) -> Tensor:

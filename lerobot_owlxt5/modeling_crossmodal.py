@@ -13,12 +13,13 @@ from torch import Tensor, nn
 
 from .backbones.pretrained import EMBEDDED
 from .commands.instruction import interpret
-from .commands.parser import named_objects, parse_command
+from .commands.parser import named_objects, parse_command, plain
 from .commands.prompts import describe_prompt, repeat_action_prompt, translate_prompt
 from .configuration_crossmodal import CORE_VERSION, CrossmodalConfig
-from .data.episode_store import EpisodeStore, check_episode_lengths
+from .data.episode_store import EpisodeStore
+from .data.normalization import share_joint_range
 from .data.windows import first_pose, recorded_joints, still
-from .losses import mixed_loss
+from .losses import mixed_loss, reduce_loss
 from .mode_sampling import ModeSampler, sample_rngs
 from .model.crossmodal_model import CrossmodalModel
 from .validation import check_finite_loss, check_state, read_tasks
@@ -60,7 +61,8 @@ class CrossmodalPolicy(PreTrainedPolicy):
 
         Args:
             config: The configuration; its features are checked here.
-            dataset_meta: The training data, if the policy is going to be trained.
+            dataset_meta: The training data, if the policy is going to be trained. Its statistics get one
+                range for state and action here, before LeRobot puts them into new or loaded processors.
             **kwargs: What LeRobot passes to all policies and this one has no use for.
         """
         super().__init__(config)
@@ -70,9 +72,9 @@ class CrossmodalPolicy(PreTrainedPolicy):
         self.episodes: EpisodeStore | None = None
         if dataset_meta is not None:
             config.check_dataset(dataset_meta.features)
-            check_episode_lengths(dataset_meta, config.max_episode_steps)
+            dataset_meta.stats.update(share_joint_range(dataset_meta.stats))
             self.episodes = EpisodeStore(dataset_meta)
-            config.tasks = list(dict.fromkeys([*(config.tasks or []), *dataset_meta.tasks.index]))
+            self.episodes.warn_of_long(config.max_episode_steps)
         n_joints = config.action_feature.shape[0]
         self.model = CrossmodalModel(config, n_joints)
         # LeRobot restores the global generator when a run is resumed, but its data loader then draws from it
@@ -123,7 +125,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
 
     # Training -----------------------------------------------------------------------------------------------
 
-    def forward(self, batch: dict[str, Any]) -> tuple[Tensor, dict[str, float]]:
+    def forward(self, batch: dict[str, Any], reduction: str = "mean") -> tuple[Tensor, dict[str, float]]:
         """Compute the mixed loss (paper, section 3; `losses`) of a batch, each sample in a mode of its own.
 
         In training the modes are drawn; in evaluation they follow from the frame's index.
@@ -131,6 +133,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
         Args:
             batch: `observation.state` and the camera at the episode's first frame, `action` at any frame, and
                 `task`, `episode_index` and `index`.
+            reduction: `mean`, or `none` for the loss of each sample, (batch,): --sample_weighting asks so.
 
         Returns:
             The loss and its terms: `joint_loss`, `language_loss`, `stop_loss`, and `found`, the share of
@@ -163,7 +166,10 @@ class CrossmodalPolicy(PreTrainedPolicy):
                 rngs = sample_rngs(seed, batch["index"])
                 self.rest_pose = self.episodes.initial_pose.to(self.rest_pose)
             actions, length = self.episodes.actions(batch, self.config.max_episode_steps)
-            names = [parse_command(task).object for task in read_tasks(batch)]
+            tasks = read_tasks(batch)
+            if self.training:
+                self.config.tasks = list(dict.fromkeys([*(self.config.tasks or []), *filter(plain, tasks)]))
+            names = [parse_command(task).object for task in tasks]
             seen = self.visual.encode_cached(batch, names, self.episodes)
             terms = mixed_loss(
                 self.model,
@@ -172,16 +178,12 @@ class CrossmodalPolicy(PreTrainedPolicy):
                 first_pose(batch),
                 actions,
                 length,
-                mean_length=self.episodes.mean_length,
+                mean_length=self.episodes.mean_length(self.config.max_episode_steps),
                 joint_loss_weight=self.config.joint_loss_weight,
             )
         check_finite_loss(terms.loss, batch)
-        return terms.loss.mean(), {
-            "joint_loss": terms.joint.mean().item(),
-            "language_loss": terms.language.mean().item(),
-            "stop_loss": terms.stop.mean().item(),
-            "found": seen.object_found.float().mean().item(),
-        }
+        found = seen.object_found.float().mean().item()
+        return reduce_loss(terms.loss, reduction), terms.means() | {"found": found}
 
     # Execute ------------------------------------------------------------------------------------------------
 

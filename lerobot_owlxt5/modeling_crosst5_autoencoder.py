@@ -10,6 +10,7 @@ from torch.nn.functional import mse_loss
 
 from .configuration_crosst5_autoencoder import CrossT5AutoencoderConfig
 from .data.windows import at_step
+from .losses import reduce_loss
 from .model.autoencoder import ChannelSeparatedAutoencoder, resize
 
 _GIVE_A_CHECKPOINT = (
@@ -42,18 +43,21 @@ class CrossT5AutoencoderPolicy(PreTrainedPolicy):
         """All parameters."""
         return list(self.parameters())
 
-    def forward(self, batch: dict[str, Any]) -> tuple[Tensor, dict[str, float]]:
+    def forward(self, batch: dict[str, Any], reduction: str = "mean") -> tuple[Tensor, dict[str, float]]:
         """Compute the mean squared error of reconstructed frames, shares of the full brightness.
 
         Args:
             batch: The camera's frames (batch, 3, height, width) in [0, 1].
+            reduction: `mean`, or `none` for the loss of each frame, (batch,).
 
         Returns:
-            The loss, and `grey_levels`, the root of it, of 255.
+            The loss, and `grey_levels`, the root of its mean, of 255.
         """
         images = resize(at_step(batch[self.config.camera_key], 0))
-        loss = mse_loss(self.autoencoder(images), images)
-        return loss, {"grey_levels": 255 * loss.item() ** 0.5}
+        made = self.autoencoder(images)
+        loss = mse_loss(made, images)
+        each = loss if reduction == "mean" else (made - images).square().mean(dim=(1, 2, 3))
+        return reduce_loss(each, reduction), {"grey_levels": 255 * loss.item() ** 0.5}
 
     def reset(self) -> None:
         """There is nothing to forget."""

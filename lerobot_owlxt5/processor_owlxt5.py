@@ -19,6 +19,9 @@ def make_owlxt5_pre_post_processors(
 ]:
     """Make the two pipelines: rename, batch, device, normalise; and unnormalise, device.
 
+    LeRobot calls this for a new policy alone. For one that goes on it loads the saved pipelines and puts the
+    dataset's statistics into them, in which the policy has shared the range (`CrossmodalPolicy`).
+
     Args:
         config: The policy's configuration, after `validate_features`.
         dataset_stats: Statistics of the dataset's features.

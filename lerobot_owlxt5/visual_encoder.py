@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a policy knows of an image: the only difference between OWLxT5 and CrossT5."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
@@ -14,13 +15,15 @@ from .backbones.ground_truth import BOX_NUMBERS, GroundTruthDetector
 from .backbones.zero_shot import ZeroShotDetector
 from .configuration_owlxt5 import CENTRE, GROUND_TRUTH, OWLxT5Config
 from .data.episode_store import EpisodeStore
-from .data.windows import observation_at, recover_actions
+from .data.windows import at_step, observation_at, recover_actions
 from .model.autoencoder import ChannelSeparatedAutoencoder
 
 # In describe names compete for what is seen, and one that counts must leave its place: weaker scores will do.
 DESCRIBE_THRESHOLD_SHARE = 0.5
 # An object is gone from a place where its score has fallen below this share of what it was.
 GONE = 0.5
+# Every so many pixels of a row and rows of an image are compared.
+PIXEL_STRIDE = 8
 # A feature that varies less than this is not blown up.
 SMALLEST_RANGE = 1e-6
 
@@ -99,6 +102,8 @@ class ObjectPoint:
             config.detector_revision = self.detector.revision
         self._config = config
         self._cache: dict[tuple[int, str], tuple[float, ...]] = {}
+        self._first_frames: dict[int, int] = {}
+        self._frames_change = False
 
     def encode(self, batch: Mapping[str, Any], names: Sequence[str]) -> VisualInput:
         """See `VisualEncoder`; of several steps the first counts."""
@@ -107,7 +112,9 @@ class ObjectPoint:
     def encode_cached(
         self, batch: Mapping[str, Any], names: Sequence[str], episodes: EpisodeStore
     ) -> VisualInput:
-        """See `VisualEncoder`; an episode and a name are looked for once."""
+        """See `VisualEncoder`; an episode and a name are looked for once, unless its first frame changes."""
+        if self._do_frames_change(batch):
+            return self.encode(batch, names)
         keys = list(zip(batch["episode_index"].flatten().tolist(), names, strict=True))
         first_seen = {key: sample for sample, key in enumerate(keys) if key not in self._cache}
         if first_seen:
@@ -136,6 +143,25 @@ class ObjectPoint:
         point = self._points(before).gather(1, index[:, None, None].expand(-1, -1, 2))
         features = torch.where(moved[:, None, None], point, 0.0)
         return MovedObjects(features, moved, [labels[each] for each in index.tolist()])
+
+    def _do_frames_change(self, batch: Mapping[str, Any]) -> bool:
+        """Whether an episode's first frame ever came in two versions, as of --dataset.image_transforms.
+
+        Nobody tells a policy that images are transformed, so hashes of some of their pixels are compared.
+        """
+        if not self._frames_change and self._config.detector != GROUND_TRUTH:
+            images = at_step(batch[self._config.camera_key], 0)
+            pixels = images[..., ::PIXEL_STRIDE, ::PIXEL_STRIDE].flatten(1)
+            hashes = [hash(row.tobytes()) for row in pixels.cpu().numpy()]
+            episodes = batch["episode_index"].flatten().tolist()
+            known = [self._first_frames.setdefault(*each) for each in zip(episodes, hashes, strict=True)]
+            self._frames_change = known != hashes
+            if self._frames_change:
+                logging.warning(
+                    "First frames of episodes come in several versions (--dataset.image_transforms?), so the "
+                    "detector looks at each of them. That takes time."
+                )
+        return self._frames_change
 
     def _input(self, detections: Detections) -> VisualInput:
         """Where the one object of each sample is; 0 if it was not seen."""
@@ -185,18 +211,17 @@ class AutoencoderFeatures(nn.Module):
         This waits for the first batch, when the weights are loaded and on their device. Like the joints'
         range, the features' range is that of the data on which the policy is trained last.
         """
+        indices = batch["episode_index"].flatten().tolist()
         if not self._cache:
+            camera = episodes.find_camera(indices, at_step(batch[self._camera], 0))
             step = torch.arange(self._steps)
-            frames = tqdm(
-                episodes.frames(self._camera), "Encoding all frames", total=len(episodes), unit="episode"
-            )
+            frames = tqdm(episodes.frames(camera), "Encoding all frames", total=len(episodes), unit="episode")
             self._cache = {
                 episode: self.autoencoder.encode_frames(images)[step.clamp(max=len(images) - 1)]
                 for episode, images in frames
             }
             self.lowest = torch.stack([each.amin(dim=0) for each in self._cache.values()]).amin(dim=0)
             self.highest = torch.stack([each.amax(dim=0) for each in self._cache.values()]).amax(dim=0)
-        indices = batch["episode_index"].flatten().tolist()
         return self._input(torch.stack([self._cache[episode] for episode in indices]))
 
     def find_moved(self, batch: Mapping[str, Any], labels: Sequence[str]) -> MovedObjects:

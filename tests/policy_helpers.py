@@ -61,9 +61,16 @@ def object_features(names: list[str], x: tuple[float, ...] = SLOT_X) -> np.ndarr
 
 
 def make_dataset(
-    root: Path, episodes: int = 6, lengths: tuple[int, ...] = LENGTHS, texts: bool = True
+    root: Path,
+    episodes: int = 6,
+    lengths: tuple[int, ...] = LENGTHS,
+    texts: bool = True,
+    follows: tuple[float, float] = (1.0, 0.0),
 ) -> LeRobotDataset:
-    """A LeRobotDataset with CLANT's features: push and pull on three slots, some joints constant."""
+    """A LeRobotDataset with CLANT's features: push and pull on three slots, some joints constant.
+
+    The state `follows` the action by a factor and a term, as a follower arm does its leader.
+    """
     rng = np.random.default_rng(0)
     features = {
         EYES: {"dtype": "image", "shape": (24, 48, 3), "names": ["height", "width", "channels"]},
@@ -86,7 +93,7 @@ def make_dataset(
             dataset.add_frame(
                 {
                     EYES: rng.integers(0, 255, (24, 48, 3), dtype=np.uint8),
-                    "observation.state": q[step],
+                    "observation.state": np.float32(follows[0]) * q[step] + np.float32(follows[1]),
                     "action": q[min(step + 1, length - 1)],
                     "observation.objects": object_features(arrangement, tuple(x)),
                     "task": f"{verb} {colour}",

@@ -6,11 +6,14 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import torch
 from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
 from lerobot.policies.factory import make_policy as lerobot_make_policy
 from lerobot.policies.factory import make_pre_post_processors
+from lerobot.transforms import ImageTransforms, ImageTransformsConfig
 from safetensors.torch import load_file, save_file
 
 from commands import run, run_anyway
@@ -92,6 +95,16 @@ def test_reading_all_frames_gives_what_the_data_set_gives(folder: Path, dataset:
             for step in (0, row["length"] // 2, row["length"] - 1):
                 item = whole[row["dataset_from_index"] + step]
                 assert torch.allclose(episodes[episode][step] / 255, item[EYES], atol=2 / 255)
+
+
+def test_a_frame_may_be_off_its_time_by_less_than_half_a_frame(folder: Path) -> None:
+    """Whatever --tolerance_s says: LeRobot does not tell a policy."""
+    meta = LeRobotDatasetMetadata("local/clant", root=folder / "data")
+    [(_, expected)] = EpisodeStore(meta).frames(EYES, [1])
+    start = f"videos/{EYES}/from_timestamp"
+    meta.episodes = meta.episodes.map(lambda row: {start: row[start] + 0.002})
+    [(episode, frames)] = EpisodeStore(meta).frames(EYES, [1])
+    assert episode == 1 and torch.equal(frames, expected)
 
 
 def test_a_finished_episode_is_seen_as_in_training(
@@ -216,7 +229,58 @@ def test_five_modes(
     ]
 
 
+@pytest.mark.parametrize("reduction", ["mean", "none"])
+def test_the_autoencoders_loss_can_be_weighted(
+    dataset: LeRobotDataset, autoencoder: Path, reduction: str
+) -> None:
+    policy = CrossT5AutoencoderPolicy.from_pretrained(autoencoder)
+    images = torch.rand(3, 3, 24, 48, generator=torch.Generator().manual_seed(0))
+    one_by_one = torch.stack([policy.forward({EYES: image[None]})[0] for image in images])
+    expected = one_by_one if reduction == "none" else one_by_one.mean()
+    assert torch.allclose(policy.forward({EYES: images}, reduction=reduction)[0], expected)
+
+
+def rename_camera(dataset: LeRobotDataset, folder: Path, other_eyes: bool) -> LeRobotDatasetMetadata:
+    """The dataset with another name for its camera, and perhaps another camera that has the name now."""
+    front = "observation.images.front"
+    shutil.copytree(dataset.root, folder)
+    for path in folder.glob("data/*/*.parquet"):
+        table = pq.read_table(path)
+        table = table.append_column(front, table[EYES])
+        column = table.column_names.index(EYES)
+        backwards = pa.array(table[EYES].to_pylist()[::-1], table[EYES].type)
+        table = table.set_column(column, EYES, backwards) if other_eyes else table.remove_column(column)
+        pq.write_table(table, path)
+    info = json.loads((folder / "meta" / "info.json").read_text())
+    info["features"][front] = info["features"][EYES] if other_eyes else info["features"].pop(EYES)
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    return LeRobotDatasetMetadata(dataset.repo_id, root=folder)
+
+
+@pytest.mark.parametrize("other_eyes", [False, True])
+def test_a_renamed_camera_is_found_in_the_dataset(
+    dataset: LeRobotDataset, t5: Path, autoencoder: Path, tmp_path: Path, other_eyes: bool
+) -> None:
+    """With --rename_map the policy's name of a camera is not the dataset's, or that of another one there."""
+    policy, preprocessor = make(dataset, t5, autoencoder)
+    batch = load_batch(dataset.root, FRAMES, preprocessor)
+    policy.train().forward(batch)
+    expected = policy.visual.highest
+    policy, _ = make(dataset, t5, autoencoder)
+    policy.episodes = EpisodeStore(rename_camera(dataset, tmp_path / "data", other_eyes))
+    policy.train().forward(batch)
+    assert torch.equal(policy.visual.highest, expected)
+
+
 # Errors -----------------------------------------------------------------------------------------------------
+
+
+def test_transformed_images_are_refused(dataset: LeRobotDataset, t5: Path, autoencoder: Path) -> None:
+    policy, preprocessor = make(dataset, t5, autoencoder)
+    batch = load_batch(dataset.root, FRAMES, preprocessor)
+    batch[EYES] = ImageTransforms(ImageTransformsConfig(enable=True))(batch[EYES])
+    with pytest.raises(ValueError, match=r"--dataset\.image_transforms\.enable=false"):
+        policy.train().forward(batch)
 
 
 def test_an_autoencoder_that_cannot_be_had_are_refused(

@@ -209,7 +209,9 @@ def test_the_task_is_accepted_with_the_name_that_the_detector_looks_for() -> Non
 
 
 def test_describe_sees_the_last_frame(folder: Path) -> None:
-    item = load(folder)[0]
+    dataset = load(folder)
+    assert dataset.tolerance_s == 0.05, "half a frame"
+    item = dataset[0]
     assert item["observation.state"].shape == (2, 10)
     assert torch.equal(item["observation.state"][1], item["action"][-1])
     assert item["action"].shape == (2 * HORIZON - 1, 10)
@@ -227,6 +229,7 @@ def test_describe_sees_the_last_frame(folder: Path) -> None:
         ({"train": "0:6"}, "test", None, "no split 'test'; choose --split=all or --split=train"),
         (None, "test", None, "no split 'test'; choose --split=all"),
         ({"test": "4:6"}, "test", [1], "no episode is left"),
+        ({"test": "4:7"}, "test", None, "--split=test of me/data is 4:7, but the dataset has 6 episodes"),
     ],
 )
 def test_episodes_of_a_split(

@@ -207,3 +207,20 @@ def test_each_episode_is_looked_at_once(
     again = [visual.encode_cached(batch, names, store) for _ in range(2)]
     assert all(torch.allclose(each.features, once.features) for each in again)
     assert looked_at == [3, 2]
+
+
+def test_an_episode_whose_image_changes_is_looked_at_each_time(
+    dataset: LeRobotDataset, t5: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """LeRobot transforms images anew whenever it delivers them: where an object was is not where it is."""
+    visual = make_policy(t5, detector=str(make_owlv2(tmp_path)), score_threshold=0.0).visual
+    store, names = EpisodeStore(dataset.meta), ["red", "blue", "red"]
+    batch = observe(["-"] * 3) | {"action": torch.zeros(3, 10), "episode_index": torch.tensor([4, 7, 5])}
+    for _ in range(2):
+        visual.encode_cached(batch, names, store)
+    assert not caplog.text
+    for _ in range(2):
+        batch = batch | {EYES: batch[EYES].roll(8, dims=-1)}
+        seen, expected = visual.encode_cached(batch, names, store), visual.encode(batch, names)
+        assert torch.equal(seen.features, expected.features)
+    assert caplog.text.count("--dataset.image_transforms") == 1

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
-from lerobot_owlxt5.data.episode_store import EpisodeStore, check_episode_lengths
+from lerobot_owlxt5.data.episode_store import EpisodeStore, find_long_episode
 from lerobot_owlxt5.data.windows import at_step, finished_episode, positions_before, recover_actions
-from policy_helpers import HORIZON, make_dataset
+from policy_helpers import make_dataset
 
 
 @st.composite
@@ -53,9 +53,16 @@ def test_texts_are_read_from_the_dataset(tmp_path: Path) -> None:
     assert len(texts[1].wordings) == 4
     assert texts[1].sentence == "The Commission met 1 times."
     assert texts[1].translation == "Die Kommission trat 1 Mal zusammen."
-    check_episode_lengths(meta, HORIZON)
-    with pytest.raises(ValueError, match=r"Episode 1 .* 9 steps.*--policy.max_episode_steps=9"):
-        check_episode_lengths(meta, 8)
+
+
+def test_the_longest_of_the_chosen_episodes_counts(tmp_path: Path) -> None:
+    meta = make_dataset(tmp_path / "data", episodes=2).meta
+    assert find_long_episode(meta, 9) == find_long_episode(meta, 8, [0]) == ""
+    sentence = find_long_episode(meta, 8)
+    assert sentence.startswith("Episode 1 of test/synthetic has 9 steps")
+    assert sentence.endswith(
+        "Set --policy.max_episode_steps=9, or leave the episode out with --dataset.episodes."
+    )
 
 
 def test_a_dataset_without_texts_has_none(tmp_path: Path) -> None:

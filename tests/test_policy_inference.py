@@ -51,6 +51,15 @@ def test_a_plan_is_made_once_and_its_last_action_held(t5: Path) -> None:
     assert all(torch.equal(action, plan[:, -1]) for action in actions[HORIZON:])
 
 
+@pytest.mark.parametrize("task", ["", "  ", "?"])
+def test_an_empty_command_moves_nothing_even_if_it_was_trained(t5: Path, task: str) -> None:
+    policy = make_policy(t5, tasks=[task])
+    batch = observe([task])
+    plan = policy.predict_action_chunk(batch)
+    assert (plan == batch["observation.state"][:, None]).all()
+    assert policy.responses == ["What should I do?"]
+
+
 def test_what_cannot_be_done_is_said_and_not_guessed(t5: Path) -> None:
     policy = make_policy(t5)
     assert policy.responses == []

@@ -4,7 +4,7 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from .parser import Command, object_name, parse_command, with_article
+from .parser import Command, object_name, parse_command, plain, with_article
 from .prompts import execute_prompt
 
 
@@ -42,13 +42,13 @@ def interpret(task: str, trained: Collection[str]) -> Instruction:
     """Understand a task.
 
     The language model was not trained on free wording: it is told the same in CLANT's words. A task of the
-    training data is always understood, whatever its words.
+    training data is always understood, whatever its words, if it has any.
 
     Args:
         task: What was said.
         trained: Tasks of the training data.
     """
     command = parse_command(task)
-    known = task in trained
+    known = task in trained and bool(plain(task))
     prompt = execute_prompt(task if known or command.verb is None else command.canonical)
     return Instruction(command, prompt, "" if known or command.verb else command.refusal)

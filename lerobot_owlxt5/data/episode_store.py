@@ -6,7 +6,8 @@ time, to deliver the same few trajectories again and again, and it leaves langua
 the episodes are read once, from the dataset's files on this machine.
 """
 
-from collections.abc import Iterator
+import logging
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
@@ -23,15 +24,19 @@ from PIL import Image
 from torch import Tensor
 
 from .normalization import share_joint_range
+from .windows import at_step
 
 if TYPE_CHECKING:
     from lerobot.datasets import LeRobotDatasetMetadata
 
 LANGUAGE_COLUMN = "language_persistent"
 SCALED_ALIKE = 1e-3
-"""Largest difference between an action that a preprocessor has scaled and the same in `EpisodeStore`."""
-# LeRobot's own default tolerance for the time of a frame, in seconds.
-TOLERANCE = 1e-4
+"""Largest difference between a pose that a preprocessor has scaled and the same in `EpisodeStore`."""
+SAME_IMAGE = 0.01
+"""Largest mean difference between a frame that the loader delivers and the same in the files, of white.
+
+Decoders differ by less, transformed images by more.
+"""
 
 
 @dataclass(frozen=True)
@@ -51,12 +56,13 @@ class EpisodeTexts:
 
 @dataclass(frozen=True)
 class _Trajectories:
-    """All actions one after the other, scaled; row, first and length by position of the episode."""
+    """All actions one after the other, scaled; the rest by position of the episode, but for the mean pose."""
 
     actions: Tensor
     row: dict[int, int]
     first: Tensor
     length: Tensor
+    first_pose: Tensor
     initial_pose: Tensor
 
 
@@ -74,13 +80,19 @@ class EpisodeStore:
         """Episodes of the dataset, those whose files are not on this machine too."""
         return self._meta.total_episodes
 
+    def warn_of_long(self, steps: int) -> None:
+        """Warn of an episode with more steps, which stops the training if it is not left out."""
+        if sentence := find_long_episode(self._meta, steps):
+            logging.warning(sentence)
+
     def actions(self, batch: dict[str, Any], steps: int) -> tuple[Tensor, Tensor]:
         """The whole episodes that the samples of a training batch come from.
 
         Args:
-            batch: `episode_index` and `index`, and the frame's `action` (batch, joints), which tells the
-                device, and whether the preprocessor scales as is done here.
-            steps: L, at least the length of the longest episode.
+            batch: `episode_index` and `index`. The frame's `action` (batch, joints), which tells the device,
+                and the episode's first `observation.state` tell whether the preprocessor scales as is done
+                here.
+            steps: L.
 
         Returns:
             Actions (batch, L, joints) in [-1, 1], the last one held after the end, and true steps (batch,),
@@ -88,7 +100,8 @@ class EpisodeStore:
 
         Raises:
             KeyError: For an episode that is not on this machine.
-            ValueError: If the preprocessor does something else to actions.
+            ValueError: If an episode is longer than L, or the preprocessor does something else to state or
+                action.
         """
         stored, device = self._trajectories, batch[ACTION].device
         episodes = batch["episode_index"].flatten().tolist()
@@ -99,23 +112,31 @@ class EpisodeStore:
             )
         rows = torch.tensor([stored.row[episode] for episode in episodes])
         length = stored.length[rows]
+        if (length > steps).any():
+            raise ValueError(find_long_episode(self._meta, steps, episodes))
         step = torch.minimum(torch.arange(steps), length[:, None] - 1)
         actions, length = stored.actions[stored.first[rows, None] + step].to(device), length.to(device)
         start = torch.tensor([self._dataset_from_index[episode] for episode in episodes], device=device)
         frame = batch["index"].flatten() - start
-        delivered = actions[torch.arange(len(rows), device=device), frame]
-        if not torch.allclose(delivered, batch[ACTION].to(delivered), atol=SCALED_ALIKE, equal_nan=True):
+        here = torch.stack(
+            [actions[torch.arange(len(rows), device=device), frame], stored.first_pose[rows].to(device)]
+        )
+        delivered = torch.stack([batch[ACTION], at_step(batch[OBS_STATE], 0)]).to(here)
+        if not torch.allclose(here, delivered, atol=SCALED_ALIKE, equal_nan=True):
             raise ValueError(
-                "The preprocessor scales actions otherwise than the policy: state and action must have one "
-                "range, that of this dataset. Use the preprocessor that the policy makes for it."
+                "The preprocessor scales state or action otherwise than the policy, which gives both one "
+                "range, that of this dataset. Train on with --policy.path=<checkpoint> in place of --resume, "
+                "and leave --policy.normalization_mapping as it is."
             )
         return actions, length
 
-    @cached_property
-    def mean_length(self) -> float:
-        """True steps of an episode, on average."""
-        lengths: list[int] = self._trajectories.length.tolist()
-        return sum(lengths) / len(lengths)
+    def mean_length(self, steps: int) -> float:
+        """True steps of an episode, on average over those of the dataset that have at most `steps`.
+
+        It scales all losses alike. LeRobot does not tell a policy which episodes are left out.
+        """
+        length = self._trajectories.length
+        return length[length <= steps].double().mean().item()
 
     @property
     def initial_pose(self) -> Tensor:
@@ -138,19 +159,50 @@ class EpisodeStore:
                 texts[episode] = _sort_rows(rows or [])
         return texts
 
-    def frames(self, camera: str) -> Iterator[tuple[int, Tensor]]:
+    def frames(self, camera: str, episodes: Collection[int] | None = None) -> Iterator[tuple[int, Tensor]]:
         """Read all frames of a camera, one episode after the other.
 
         A video is decoded from an episode's first frame to its last, with PyAV, which every LeRobot has; the
-        data loader, which draws frames at random, opens and searches it for each of them.
+        data loader, which draws frames at random, opens and searches it for each of them. A frame may be off
+        its time by half a frame, whatever --tolerance_s says.
 
         Args:
             camera: Key of an image feature, stored as video or as images.
+            episodes: Only these, if given.
 
         Yields:
             Index of an episode, and its frames (length, 3, height, width), uint8.
         """
-        return self._videos(camera) if camera in self._meta.video_keys else self._images(camera)
+        chosen = range(self._meta.total_episodes) if episodes is None else sorted({*episodes})
+        videos = camera in self._meta.video_keys
+        return self._videos(camera, chosen) if videos else self._images(camera, chosen)
+
+    def find_camera(self, episodes: Sequence[int], images: Tensor) -> str:
+        """Find out which camera of the dataset a batch's images come from: --rename_map may have renamed it.
+
+        Args:
+            episodes: Index of each image's episode.
+            images: The episodes' first frames from the loader, (batch, 3, height, width) in [0, 1].
+
+        Returns:
+            Key of an image feature of the dataset.
+
+        Raises:
+            ValueError: If they come from none, as where --dataset.image_transforms change them.
+        """
+        cameras = [key for key in self._meta.camera_keys if key not in self._meta.depth_keys]
+        for camera in cameras:
+            first = {episode: frames[0] for episode, frames in self.frames(camera, episodes)}
+            stored = torch.stack([first[episode] for episode in episodes]).to(images) / 255
+            if (
+                stored.shape == images.shape
+                and (stored - images).abs().flatten(1).mean(dim=1).max() < SAME_IMAGE
+            ):
+                return camera
+        raise ValueError(
+            f"The loader's images are not those in the files of the dataset's cameras {cameras}, from which "
+            "crosst5 reads whole episodes: set --dataset.image_transforms.enable=false."
+        )
 
     @cached_property
     def _trajectories(self) -> _Trajectories:
@@ -172,12 +224,14 @@ class EpisodeStore:
             actions.append(scaled)
             poses.append(states[first])
         length = torch.tensor(lengths)
+        first_pose = np.concatenate(poses)
         return _Trajectories(
             torch.from_numpy(np.concatenate(actions).astype(np.float32)),
             row,
             length.cumsum(dim=0) - length,
             length,
-            torch.from_numpy(np.concatenate(poses).mean(axis=0, dtype=np.float64).astype(np.float32)),
+            torch.from_numpy(first_pose.astype(np.float32)),
+            torch.from_numpy(first_pose.mean(axis=0, dtype=np.float64).astype(np.float32)),
         )
 
     @cached_property
@@ -188,19 +242,19 @@ class EpisodeStore:
         for path in sorted((self._meta.root / "data").glob("*/*.parquet")):
             yield pq.read_table(path, columns=[*columns])
 
-    def _videos(self, camera: str) -> Iterator[tuple[int, Tensor]]:
+    def _videos(self, camera: str, episodes: Collection[int]) -> Iterator[tuple[int, Tensor]]:
         meta = self._meta
-        for episode in range(meta.total_episodes):
+        for episode in episodes:
             path = meta.root / meta.get_video_file_path(episode, camera)
             if path.is_file():
                 row = meta.episodes[episode]
                 start = row[f"videos/{camera}/from_timestamp"]
                 times = [start + step / meta.fps for step in range(row["length"])]
-                yield episode, decode_video_frames(path, times, TOLERANCE, "pyav", return_uint8=True)
+                yield episode, decode_video_frames(path, times, 0.5 / meta.fps, "pyav", return_uint8=True)
 
-    def _images(self, camera: str) -> Iterator[tuple[int, Tensor]]:
+    def _images(self, camera: str, episodes: Collection[int]) -> Iterator[tuple[int, Tensor]]:
         for table in self._tables("episode_index", camera):
-            for episode in table["episode_index"].unique().to_pylist():
+            for episode in (each for each in table["episode_index"].unique().to_pylist() if each in episodes):
                 images = table.filter(pc.equal(table["episode_index"], episode))[camera].to_pylist()
                 frames = [np.asarray(Image.open(BytesIO(image["bytes"])).convert("RGB")) for image in images]
                 yield episode, torch.from_numpy(np.stack(frames)).permute(0, 3, 1, 2)
@@ -219,16 +273,22 @@ def _sort_rows(rows: list[dict[str, Any]]) -> EpisodeTexts:
     )
 
 
-def check_episode_lengths(meta: "LeRobotDatasetMetadata", max_episode_steps: int) -> None:
-    """Check that no episode is longer than a plan.
+def find_long_episode(
+    meta: "LeRobotDatasetMetadata", max_episode_steps: int, episodes: Collection[int] | None = None
+) -> str:
+    """Say which episode is the longest, and what to do, if it is longer than a plan; else say nothing.
 
-    Raises:
-        ValueError: Naming the longest episode and the flag to change.
+    Args:
+        meta: The dataset.
+        max_episode_steps: L.
+        episodes: Only these count, if given.
     """
-    lengths = torch.as_tensor(meta.episodes["length"][:])
-    longest = int(lengths.argmax())
-    if lengths[longest] > max_episode_steps:
-        raise ValueError(
-            f"Episode {longest} of {meta.repo_id} has {lengths[longest]} steps, but the policy plans whole "
-            f"episodes of at most {max_episode_steps}. Set --policy.max_episode_steps={lengths[longest]}."
-        )
+    lengths: list[int] = meta.episodes["length"][:]
+    longest = max(range(len(lengths)) if episodes is None else episodes, key=lengths.__getitem__)
+    if lengths[longest] <= max_episode_steps:
+        return ""
+    return (
+        f"Episode {longest} of {meta.repo_id} has {lengths[longest]} steps, but the policy plans whole "
+        f"episodes of at most {max_episode_steps}. Set --policy.max_episode_steps={lengths[longest]}, or "
+        "leave the episode out with --dataset.episodes."
+    )

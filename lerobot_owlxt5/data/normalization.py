@@ -24,6 +24,7 @@ def share_joint_range(stats: Stats) -> Stats:
 
     Returns:
         A copy with the common `min` and `max` in both features, or the same statistics if one is missing.
+        Sharing again changes nothing.
     """
     if OBS_STATE not in stats or ACTION not in stats:
         return stats

@@ -17,7 +17,7 @@ from rich.console import Console
 
 from ..configuration_crossmodal import CrossmodalConfig
 from ..configuration_owlxt5 import GROUND_TRUTH
-from ..data.episode_store import check_episode_lengths
+from ..data.episode_store import find_long_episode
 from ..modeling_crossmodal import CrossmodalPolicy
 from . import metrics
 from .report import Report
@@ -39,6 +39,8 @@ class EvaluateConfig:
     batch_size: int = 8
     # Seed of these words, and of the bootstrap.
     seed: int = 1000
+    # How far a video's frame may be off its time, in seconds; half a frame when unset.
+    tolerance_s: float | None = None
     # Where results.json and results.md go; outputs/evaluate/<date>/<time>_<policy> when unset.
     output_dir: Path | None = None
 
@@ -51,8 +53,7 @@ class EvaluateConfig:
 def load_policy() -> tuple[CrossmodalPolicy, Processor, Processor]:
     """Load the checkpoint that --policy.path names, changed by the other --policy options.
 
-    Unlike LeRobot's `make_policy` it does not show the policy the dataset: owlxt5 would take the tasks in
-    there for tasks that it was trained on.
+    Unlike LeRobot's `make_policy` it does not show the policy the dataset, which is not to be trained on.
 
     Returns:
         The policy, its preprocessor and its postprocessor.
@@ -81,7 +82,7 @@ def open_dataset(config: EvaluateConfig, policy: CrossmodalConfig) -> LeRobotDat
 
     Raises:
         FileNotFoundError: If the folder holds no dataset.
-        ValueError: If the split is not there, or the dataset does not fit the policy.
+        ValueError: If the split is not there, or its episodes do not fit the policy.
     """
     options = config.dataset
     if options.root is not None and not (Path(options.root) / "meta" / "info.json").is_file():
@@ -90,8 +91,9 @@ def open_dataset(config: EvaluateConfig, policy: CrossmodalConfig) -> LeRobotDat
     missing = [key for key in [*(policy.input_features or {}), ACTION] if key not in meta.features]
     if missing:
         raise ValueError(f"the dataset {options.repo_id} lacks what the policy needs: {', '.join(missing)}")
-    check_episode_lengths(meta, policy.max_episode_steps)
     episodes = choose_episodes(meta, config.split, options.episodes)
+    if sentence := find_long_episode(meta, policy.max_episode_steps, episodes):
+        raise ValueError(sentence)
     seen, done = (
         [step / meta.fps for step in steps]
         for steps in (policy.describe_delta_indices, policy.episode_delta_indices)
@@ -104,6 +106,7 @@ def open_dataset(config: EvaluateConfig, policy: CrossmodalConfig) -> LeRobotDat
         revision=options.revision,
         video_backend=options.video_backend,
         delta_timestamps=deltas,
+        tolerance_s=0.5 / meta.fps if config.tolerance_s is None else config.tolerance_s,
         return_uint8=True,
     )
 
@@ -125,6 +128,11 @@ def choose_episodes(meta: LeRobotDatasetMetadata, split: str, among: Sequence[in
     elif split in splits:
         start, _, end = splits[split].partition(":")
         chosen = range(int(start), int(end))
+        if chosen.stop > meta.total_episodes:
+            raise ValueError(
+                f"--split={split} of {meta.repo_id} is {splits[split]}, but the dataset has "
+                f"{meta.total_episodes} episodes: choose --split={ALL}, and some with --dataset.episodes"
+            )
     else:
         raise ValueError(
             f"the dataset {meta.repo_id} has no split '{split}'; choose --split={ALL}"
