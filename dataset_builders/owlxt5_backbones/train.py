@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-import draccus
 import torch
 from transformers import AutoTokenizer, PreTrainedModel, Trainer, TrainingArguments
 from transformers.trainer_utils import get_last_checkpoint
 
 from builder_tools.workers import usable_cores
 from lerobot_owlxt5.backbones.small_t5 import SmallT5Config
+from lerobot_owlxt5.command_line import command
 
 from .card import commands, write_detector_card, write_language_model_card
 from .detector import DetectorSizes, load_detector_model, make_detector_model
@@ -147,7 +147,7 @@ def train_language_model(
     return model, losses
 
 
-@draccus.wrap()
+@command("owlxt5-backbones")
 def main(config: BackbonesConfig) -> None:
     """Make the data, train, evaluate, and say where the result is."""
     if config.part not in RECIPES:

@@ -10,7 +10,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-import draccus
 import torch
 from lerobot.datasets import LeRobotDatasetMetadata
 from tokenizers import Tokenizer, decoders, pre_tokenizers, processors
@@ -18,6 +17,7 @@ from tokenizers.models import BPE
 from tokenizers.trainers import BpeTrainer
 from transformers import PreTrainedTokenizerFast, T5Config, T5ForConditionalGeneration
 
+from ..command_line import command
 from ..commands import prompts
 from ..commands.parser import spoken
 from ..commands.verbs import VERBS
@@ -121,7 +121,7 @@ def collect_texts(dataset_root: Path | None) -> list[str]:
     return texts
 
 
-@draccus.wrap()
+@command("small_t5")
 def main(config: SmallT5Config) -> None:
     """Write a small T5 and say what to do with it."""
     if config.dataset_root is not None and not (config.dataset_root / "meta" / "info.json").is_file():
