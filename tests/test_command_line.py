@@ -2,13 +2,18 @@
 """What is typed after our commands, and what is said about mistakes in it."""
 
 import ast
+import shlex
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from clant_claeo.card import read_build, train_command
+from clant_claeo.cli import DatasetConfig
+from clant_claeo.cli import _check as check
 from lerobot_owlxt5.command_line import command, quote_texts
 from lerobot_owlxt5.evaluation.cli import EvaluateConfig
 
@@ -108,6 +113,55 @@ def test_lerobots_own_options_are_texts_too() -> None:
     assert quote_texts(EvaluateConfig, given) == [
         *("--policy.path=1e5", '--dataset.root="1e5"', '--output_dir="7"', "--seed=7")
     ]
+
+
+# owlxt5-dataset ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"height": 121}, "must be even"),
+        ({"width": 161}, "must be even"),
+        ({"height": 0}, "between 16 and 1920; got 0"),
+        ({"width": -640}, "between 16 and 1920; got -640"),
+        ({"height": 10**6, "video": False}, "between 16 and 1920"),
+        ({"seed": -1}, "--seed must not be negative"),
+    ],
+)
+def test_what_a_library_would_refuse_later_is_refused_first(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        check(DatasetConfig(**options))
+
+
+def test_odd_sizes_are_for_images() -> None:
+    check(DatasetConfig(height=121, width=161, video=False))
+    check(DatasetConfig())
+
+
+@pytest.mark.parametrize("record", ['{"objects": "clant"}', '{"kind": "clant"}', "[]", "{", "\u00e9\udcff"])
+def test_the_record_of_another_version_is_one_sentence(tmp_path: Path, record: str) -> None:
+    assert read_build(tmp_path) is None
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "meta" / "build.json").write_bytes(record.encode("latin-1", "replace"))
+    with pytest.raises(ValueError, match=r"build.json is of another version of owlxt5-dataset: build"):
+        read_build(tmp_path)
+
+
+def test_the_printed_command_trains_on_the_train_split_and_quotes_paths() -> None:
+    def printed(**splits: str) -> str | None:
+        meta: Any = SimpleNamespace(repo_id="me/data", info=SimpleNamespace(splits=splits))
+        return train_command(meta, Path("/my data/clant"))
+
+    command = printed(train="0:36", test="36:48")
+    assert command is not None
+    # As a shell reads it.
+    words = shlex.split(command)
+    assert words[-2:] == ["--dataset.root=/my data/clant", "--dataset.episodes=[$(seq -s, 0 35)]"]
+    assert printed(test="0:12") is None  # a part of a dataset
+
+
+# The locale -------------------------------------------------------------------------------------------------
 
 
 def _opens_text(call: ast.Call) -> bool:

@@ -67,8 +67,8 @@ def check_backbones(backbones: Mapping[str, tuple[str, str | None]]) -> None:
     if missing:
         instead = " ".join(f"--policy.{option}={EMBEDDED}" for option in missing)
         raise OSError(
-            f"The policy's pretrained models cannot be had: {' '.join(missing.values())} Check names, revisions "
-            f"and network, or give {instead}: what is embedded needs no network."
+            f"The policy's pretrained models cannot be had: {' '.join(missing.values())} Check names, "
+            f"revisions and network, or give {instead}: what is embedded needs no network."
         )
 
 
