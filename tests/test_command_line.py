@@ -4,6 +4,7 @@
 import ast
 import shlex
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,8 +15,10 @@ import pytest
 from clant_claeo.card import read_build, train_command
 from clant_claeo.cli import DatasetConfig
 from clant_claeo.cli import _check as check
+from lerobot_owlxt5.backbones.small_t5 import main as small_t5
 from lerobot_owlxt5.command_line import command, quote_texts
 from lerobot_owlxt5.evaluation.cli import EvaluateConfig
+from owlxt5_backbones.train import main as backbones
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -159,6 +162,43 @@ def test_the_printed_command_trains_on_the_train_split_and_quotes_paths() -> Non
     words = shlex.split(command)
     assert words[-2:] == ["--dataset.root=/my data/clant", "--dataset.episodes=[$(seq -s, 0 35)]"]
     assert printed(test="0:12") is None  # a part of a dataset
+
+
+# The others -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("main", "arguments", "message"),
+    [
+        (small_t5, ("--output_dir=7", "--num_heads=0"), "small_t5: --num_heads must be at least 1; got 0"),
+        (
+            small_t5,
+            ("--output_dir=7", "--dataset_root=8"),
+            "small_t5: --dataset_root=8 holds no LeRobotDataset",
+        ),
+        (backbones, ("--part=detector", "--output_dir=7", "--steps=0"), "--steps must be above 0; got 0"),
+        (backbones, ("--part=detector", "--output_dir=7", "--images=-1"), "--images must be above 0; got -1"),
+        (
+            backbones,
+            ("--part=detector", "--output_dir=7", "--seed=-1"),
+            "--seed must not be negative; got -1",
+        ),
+        (backbones, ("--part=detector",), "output_dir"),
+    ],
+)
+def test_so_do_the_other_commands(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    main: Callable[[], None],
+    arguments: tuple[str, ...],
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["command", *arguments])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert message in str(stopped.value)
+    assert not list(tmp_path.iterdir())
 
 
 # The locale -------------------------------------------------------------------------------------------------
