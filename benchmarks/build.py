@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import draccus
 import pyarrow.parquet as pq
 from lerobot.datasets.compute_stats import RunningQuantileStats
 from rich.console import Console
@@ -26,6 +25,7 @@ from rich.table import Table
 from builder_tools.workers import quiet
 from clant_claeo import builder, takes
 from clant_claeo.demonstrations import scripted
+from lerobot_owlxt5.command_line import command
 from nico_tabletop.objects import read_objects
 from nico_tabletop.simulation import TabletopSimulation
 
@@ -93,7 +93,7 @@ def _build(root: Path, arrangements: int, workers: int) -> tuple[float, float, i
     return wall, cpu, frames
 
 
-@draccus.wrap()
+@command("build")
 def main(config: BuildSpeedConfig) -> None:
     """Measure and print."""
     console = Console()

@@ -11,7 +11,6 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import draccus
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -22,6 +21,7 @@ from tqdm import tqdm
 
 from clant_claeo.expert import plan
 from lerobot_owlxt5.backbones.detections import Detections
+from lerobot_owlxt5.command_line import command
 from nico_tabletop.objects import read_objects
 from nico_tabletop.placement import OutOfReachError, Pose, draw_poses
 from nico_tabletop.replay import replay
@@ -80,7 +80,7 @@ def _fit(simulation: TabletopSimulation, seed: int) -> dict[str, Array]:
     }
 
 
-@draccus.wrap()
+@command("ceiling")
 def main(config: CeilingConfig) -> None:
     """Fit, act, count."""
     coefficients = _fit(TabletopSimulation(read_objects("clant")), config.seed)

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import draccus
+from lerobot_owlxt5.command_line import command
 
 Finding = tuple[str, str]  # severity, rule
 
@@ -96,7 +96,7 @@ def lint(root: Path, folder: Path) -> Iterator[Finding]:
     """Its findings, from its report in `folder`."""
     target = folder / "lint.json"
     checker("lerobot-lint", "lelint", "check", "--units=degrees", f"--json={target}", root, statuses=(0, 2))
-    for finding in json.loads(target.read_text())["findings"]:
+    for finding in json.loads(target.read_text(encoding="utf-8"))["findings"]:
         yield finding["severity"], finding["check"]
 
 
@@ -112,7 +112,7 @@ def deepen(root: Path, folder: Path) -> Iterator[Finding]:
     """A finding for each check of an episode and of the whole."""
     target = folder / "deepen.json"
     checker("deepen-grade", "deepen", "grade", "--quiet", "--json", f"--output={target}", root)
-    report = json.loads(target.read_text())
+    report = json.loads(target.read_text(encoding="utf-8"))
     for episode in (report["dataset_level_checks"], *(episode["checks"] for episode in report["episodes"])):
         for check in episode:
             yield check["severity"], check["check_id"]
@@ -134,7 +134,7 @@ def view(copy: Path, folder: Path) -> str:
     return f"opened, a recording of {recording.stat().st_size // 1024} KiB"
 
 
-@draccus.wrap()
+@command("checks")
 def main(config: ChecksConfig) -> None:
     """Check every dataset."""
     new = 0

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-import draccus
 import matplotlib.pyplot as plt
 import numpy as np
 from lerobot.configs.eval import EvalPipelineConfig
@@ -26,6 +25,7 @@ from rich.table import Table
 from scipy.stats import binomtest
 from tqdm import tqdm
 
+from lerobot_owlxt5.command_line import command
 from nico_tabletop.env import TabletopEnv
 from nico_tabletop.placement import SLOT_POSES
 from nico_tabletop.scoring import Outcome
@@ -74,7 +74,7 @@ def _shares(trials: NDArray[np.float64], reward: float) -> Iterator[tuple[float,
         yield right / rewards.size, interval.low, interval.high, rewards.size
 
 
-@draccus.wrap()
+@command("distance")
 def main(config: DistanceConfig) -> None:
     """Read, count and draw."""
     figure, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")

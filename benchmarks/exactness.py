@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import draccus
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
 from clant_claeo.demonstrations import Demonstration, from_release
 from clant_claeo.release import read_release
+from lerobot_owlxt5.command_line import command
 from nico_tabletop.env import NAME_BYTES
 from nico_tabletop.tasks import SLOTS
 
@@ -68,7 +68,7 @@ def _differences(
     return [name for name, equal in checks.items() if not equal]
 
 
-@draccus.wrap()
+@command("exactness")
 def main(config: ExactnessConfig) -> None:
     """Compare and report."""
     root = config.dataset_root
@@ -76,7 +76,7 @@ def main(config: ExactnessConfig) -> None:
         (demonstration.task, demonstration.arrangement): demonstration
         for demonstration in from_release(read_release(os.environ["OWLXT5_CLANT_DIR"]), config.objects)
     }
-    info = json.loads((root / "meta/info.json").read_text())
+    info = json.loads((root / "meta/info.json").read_text(encoding="utf-8"))
     splits = {name: range(*map(int, span.split(":"))) for name, span in info["splits"].items()}
     tasks = pd.read_parquet(root / "meta/tasks.parquet").reset_index().set_index("task_index")["task"]
     compared, wrong = 0, []

@@ -9,13 +9,13 @@ import time
 from collections import Counter, defaultdict
 from dataclasses import dataclass
 
-import draccus
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
 
 from clant_claeo.expert import plan
+from lerobot_owlxt5.command_line import command
 from nico_tabletop.objects import read_objects
 from nico_tabletop.placement import SLOT_POSES, OutOfReachError, Poses, draw_poses
 from nico_tabletop.replay import replay
@@ -51,7 +51,7 @@ def attempt(simulation: TabletopSimulation, action: Action, names: tuple[str, ..
     return replay(simulation, action, joints)
 
 
-@draccus.wrap()
+@command("expert")
 def main(config: ExpertConfig) -> None:
     """Draw, plan, act, judge and report."""
     simulation = TabletopSimulation(read_objects(config.objects))

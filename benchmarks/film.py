@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import draccus
 import torch
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies import make_pre_post_processors
@@ -21,6 +20,7 @@ from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
 from lerobot_owlxt5 import finished_episode
+from lerobot_owlxt5.command_line import command
 from lerobot_owlxt5.configuration_owlxt5 import OBS_OBJECTS
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 from nico_tabletop.env import TabletopEnv
@@ -114,7 +114,7 @@ def _panel(shot: Shot, frame: int, *, ended: bool) -> Image.Image:
     return panel
 
 
-@draccus.wrap()
+@command("film")
 def main(config: FilmConfig) -> None:
     """Roll out, draw, and say what happened."""
     trained = PreTrainedConfig.from_pretrained(config.checkpoint, cli_overrides=config.policy_options)

@@ -15,11 +15,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import draccus
 import matplotlib.pyplot as plt
 from lerobot.datasets import LeRobotDatasetMetadata
 from matplotlib.ticker import PercentFormatter
 from tqdm import tqdm
+
+from lerobot_owlxt5.command_line import command
 
 CURVES = (("execute", "nrmse"), ("repeat action", "nrmse"), ("describe", "bleu2"))
 EVERY = 6
@@ -53,7 +54,7 @@ def _evaluate(checkpoint: Path, dataset: Path, episodes: list[int], output: Path
     return rows
 
 
-@draccus.wrap()
+@command("learning")
 def main(config: LearningConfig) -> None:
     """Evaluate and draw."""
     meta = LeRobotDatasetMetadata("local/clant", root=config.dataset_root)

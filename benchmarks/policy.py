@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import draccus
 import torch
 from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
 from lerobot.datasets.factory import resolve_delta_timestamps
@@ -31,6 +30,7 @@ from transformers import AutoModelForSeq2SeqLM, Owlv2Config, Owlv2ForObjectDetec
 from lerobot_owlxt5.backbones.pretrained import EMBEDDED
 from lerobot_owlxt5.backbones.small_t5 import SmallT5Config, collect_texts, make_small_t5
 from lerobot_owlxt5.backbones.zero_shot import ZeroShotDetector
+from lerobot_owlxt5.command_line import command
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
 
 PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
@@ -96,7 +96,7 @@ def _lstm_operations(module: torch.nn.LSTM, inputs: tuple[Tensor, ...], count: l
     count[0] += 2 * weights * rows
 
 
-@draccus.wrap()
+@command("policy")
 def main(config: PolicySpeedConfig) -> None:
     """Measure and print."""
     root, device = config.dataset_root, config.device

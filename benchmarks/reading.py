@@ -15,13 +15,13 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import draccus
 import torch
 from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
 from lerobot.datasets.factory import resolve_delta_timestamps
 from rich.console import Console
 from rich.table import Table
 
+from lerobot_owlxt5.command_line import command
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
 
 ITEMS = 100
@@ -79,7 +79,7 @@ def _seconds_per_step(root: Path, t5: Path, folder: Path, options: list[str]) ->
     return data, update
 
 
-@draccus.wrap()
+@command("reading")
 def main(config: ReadingConfig) -> None:
     """Measure and print."""
     table = Table(title="Reading for owlxt5: batch 64, two workers")

@@ -10,7 +10,6 @@ import time
 from collections import Counter, defaultdict
 from dataclasses import dataclass
 
-import draccus
 import numpy as np
 from rich.console import Console
 from rich.table import Table
@@ -18,6 +17,7 @@ from tqdm import tqdm
 
 from clant_claeo.demonstrations import from_release
 from clant_claeo.release import read_release
+from lerobot_owlxt5.command_line import command
 from nico_tabletop.objects import read_objects
 from nico_tabletop.replay import replay
 from nico_tabletop.scoring import Outcome
@@ -35,7 +35,7 @@ class ReplayConfig:
     objects: str = "clant"
 
 
-@draccus.wrap()
+@command("replay")
 def main(config: ReplayConfig) -> None:
     """Replay, judge and report."""
     release = read_release(os.environ["OWLXT5_CLANT_DIR"])

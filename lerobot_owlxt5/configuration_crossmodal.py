@@ -186,6 +186,11 @@ class CrossmodalConfig(PreTrainedConfig):
             raise ValueError(f"{self.type} looks through '{self.camera_key}', but the dataset has no camera.")
 
     @property
+    def backbones(self) -> dict[str, tuple[str, str | None]]:
+        """Name and revision of the pretrained models, by the option that names them."""
+        return {"language_model": (self.language_model, self.language_model_revision)}
+
+    @property
     def camera_key(self) -> str:
         """The one camera that is left after `validate_features`."""
         return next(iter(self.image_features))

@@ -65,6 +65,13 @@ class OWLxT5Config(CrossmodalConfig):
             raise ValueError(NO_OBJECTS)
 
     @property
+    def backbones(self) -> dict[str, tuple[str, str | None]]:
+        """Name and revision of the pretrained models, by the option that names them."""
+        if self.detector == GROUND_TRUTH:
+            return super().backbones
+        return super().backbones | {"detector": (self.detector, self.detector_revision)}
+
+    @property
     def can_be_blind(self) -> bool:
         """Whether a dataset without any camera will do."""
         return self.detector == GROUND_TRUTH

@@ -11,7 +11,7 @@ from lerobot.policies.pretrained import PreTrainedPolicy
 from lerobot.utils.constants import ACTION, OBS_STATE
 from torch import Tensor, nn
 
-from .backbones.pretrained import EMBEDDED
+from .backbones.pretrained import EMBEDDED, check_backbones
 from .commands.instruction import interpret
 from .commands.parser import named_objects, parse_command, plain
 from .commands.prompts import describe_prompt, repeat_action_prompt, translate_prompt
@@ -67,6 +67,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
         """
         super().__init__(config)
         config.validate_features()
+        check_backbones(config.backbones)
         config.core_version = CORE_VERSION
         self.config: CrossmodalConfig = config
         self.episodes: EpisodeStore | None = None

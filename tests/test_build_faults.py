@@ -127,6 +127,15 @@ def test_a_half_built_folder_is_no_data_set_and_keeps_to_its_recipe(
         build(tmp_path / "data")
 
 
+def test_a_build_that_made_nothing_is_in_nobodys_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    with monkeypatch.context() as patch:
+        failing(patch, 0, RuntimeError("the encoder does not take this size"))
+        with pytest.raises(RuntimeError, match="does not take"):
+            build(tmp_path / "data", demonstrations(1), recipe={"height": 121})
+    build(tmp_path / "data", demonstrations(1), recipe={"height": 120})
+    assert [path.name for path in tmp_path.iterdir()] == ["data"]
+
+
 def test_a_video_that_lost_frames_is_no_take(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(takes, "check_videos", lambda folder, frames: check(folder, frames + 1))
     with pytest.raises(OSError, match=r"5 frames instead of 6"):

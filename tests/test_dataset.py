@@ -32,11 +32,14 @@ SMALL = ("--arrangements=1", "--height=48", "--width=64", "--workers=1")
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> LeRobotDataset:
-    root = tmp_path_factory.mktemp("data") / "claeo"
+    root = tmp_path_factory.mktemp("data") / "of claeo"
     output = run("owlxt5-dataset", "--objects=claeo", f"--root={root}", *SMALL)
     assert "12 perfect" in output
     assert str(root) in output.splitlines()[-2]
-    assert output.splitlines()[-1].startswith("Next: lerobot-train --policy.type=owlxt5")
+    training = "lerobot-train --policy.type=owlxt5 --policy.push_to_hub=false --dataset.repo_id=local/claeo"
+    episodes = '--dataset.episodes="[$(seq -s, 0 8)]"'  # the train split
+    assert output.splitlines()[-1] == f"Next: {training} '--dataset.root={root}' {episodes}"
+    assert f"{training} {episodes} --output_dir=" in (root / "README.md").read_text(encoding="utf-8")
     return LeRobotDataset("local/claeo", root=root, video_backend="pyav")
 
 

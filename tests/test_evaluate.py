@@ -230,6 +230,7 @@ def test_describe_sees_the_last_frame(folder: Path) -> None:
         (None, "test", None, "no split 'test'; choose --split=all"),
         ({"test": "4:6"}, "test", [1], "no episode is left"),
         ({"test": "4:7"}, "test", None, "--split=test of me/data is 4:7, but the dataset has 6 episodes"),
+        ({"test": "4:6"}, "test", [4, 6], "episode 6, but me/data has 6 episodes"),
     ],
 )
 def test_episodes_of_a_split(
@@ -252,6 +253,8 @@ def test_episodes_of_a_split(
         ({"dataset__root": "/nowhere"}, "--dataset.root=/nowhere holds no LeRobotDataset"),
         ({"policy__max_episode_steps": 11}, "--policy.max_episode_steps=12"),
         ({"batch_size": 0}, "--batch_size"),
+        ({"batch_size": "null"}, "--batch_size needs a value"),
+        ({"seed": -1}, "--seed must not be negative"),
         ({"policy__path": "{act}"}, "'act', which has not the modes"),
     ],
 )

@@ -186,6 +186,28 @@ def test_the_card_tells_a_person_what_it_is(root: Path):
     assert image.std() > 10
 
 
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_the_card_is_the_same_in_every_locale(root: Path, encoding: str):
+    card = (root / "README.md").read_bytes()
+    assert "58°" in card.decode("utf-8")
+    (root / "README.md").unlink()
+    # Few machines have a Latin-1 locale: Python asks this function for the encoding.
+    code = f"""if True:
+        import builtins, io, pathlib
+        from pathlib import Path
+        from clant_claeo.card import read_build, write_card
+        builtin_open = io.open
+        def as_the_locale_says(file, mode="r", buffering=-1, encoding=None, *rest, **named):
+            given = encoding if encoding not in (None, "locale") or "b" in mode else {encoding!r}
+            return builtin_open(file, mode, buffering, given, *rest, **named)
+        io.open = builtins.open = as_the_locale_says
+        root = Path({str(root)!r})
+        write_card(root, "local/claeo", read_build(root))
+    """
+    run("python", "-c", code, LC_ALL="C", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0")
+    assert (root / "README.md").read_bytes() == card
+
+
 def test_the_card_never_licenses_the_releases_data(root: Path):
     command = "owlxt5-dataset --objects=claeo --source=path/to/CLANT"
     write_card(root, "me/claeo", Build("claeo", "slots", True, command))

@@ -53,7 +53,7 @@ def write_stl(path: Path, millimetres: float) -> None:
 def write_obj(path: Path, metres: float) -> None:
     lines = [f"v {x} {y} {z}" for x, y, z in metres * CORNERS]
     lines += [f"f {a} {b} {c}" for a, b, c in TRIANGLES + 1]
-    path.write_text("\n".join(lines))
+    path.write_text("\n".join(lines), encoding="utf-8")
 
 
 @pytest.fixture(scope="module")

@@ -100,9 +100,11 @@ def test_a_backbone_that_cannot_be_loaded_is_named(
     t5: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("huggingface_hub.constants.HF_HUB_OFFLINE", True)
-    with pytest.raises(OSError, match=r"--policy.language_model=no/where .*backbones.small_t5"):
+    with pytest.raises(
+        OSError, match=r"--policy.language_model=no/where .* --policy.language_model=embedded:"
+    ):
         make_policy(Path("no/where"))
-    with pytest.raises(OSError, match=r"--policy.detector=no/where .*ground_truth"):
+    with pytest.raises(OSError, match=r"--policy.detector=no/where .*detector=embedded:"):
         make_policy(t5, detector="no/where")
     pickled = tmp_path / "pickled"
     pickled.mkdir()
@@ -112,6 +114,25 @@ def test_a_backbone_that_cannot_be_loaded_is_named(
     torch.save({}, pickled / "pytorch_model.bin")
     with pytest.raises(OSError, match=r"--policy\.language_model"):
         make_policy(pickled)
+
+
+@pytest.mark.parametrize("offline", [True, False])
+def test_without_network_one_message_names_all_backbones_and_nothing_is_loaded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, offline: bool
+) -> None:
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_OFFLINE", offline)
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path))
+    monkeypatch.setattr(
+        "huggingface_hub.constants.HUGGINGFACE_CO_URL_TEMPLATE", "http://127.0.0.1:9/{repo_id}"
+    )
+    monkeypatch.setattr("lerobot_owlxt5.model.crossmodal_model.SplitT5", None)
+    with pytest.raises(OSError, match="language_model=some/t5") as stopped:
+        make_policy(Path("some/t5"), detector="some/owlv2")
+    message = str(stopped.value)
+    assert "--policy.detector=some/owlv2 (revision main) because:" in message
+    assert "give --policy.language_model=embedded --policy.detector=embedded:" in message
+    assert "\n" not in message
+    assert stopped.value.__cause__ is None
 
 
 @pytest.mark.slow

@@ -5,6 +5,8 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from lerobot.datasets import LeRobotDatasetMetadata
+from lerobot.datasets.dataset_tools import modify_tasks
 
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
 from lerobot_owlxt5.data.episode_store import EpisodeStore, find_long_episode
@@ -63,6 +65,19 @@ def test_the_longest_of_the_chosen_episodes_counts(tmp_path: Path) -> None:
     assert sentence.endswith(
         "Set --policy.max_episode_steps=9, or leave the episode out with --dataset.episodes."
     )
+
+
+def test_wordings_of_another_task_are_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """As after `lerobot-edit-dataset --operation.type=modify_tasks`."""
+    dataset = make_dataset(tmp_path / "data", episodes=3)
+    before = EpisodeStore(dataset.meta).texts
+    caplog.clear()
+    modify_tasks(dataset, episode_tasks={0: "push the crimson block", 1: before[1].wordings[3]})
+    after = EpisodeStore(LeRobotDatasetMetadata("test/synthetic", root=tmp_path / "data")).texts
+    assert after[0].wordings == ()
+    assert (after[0].sentence, after[0].translation) == (before[0].sentence, before[0].translation)
+    assert (after[1], after[2]) == (before[1], before[2])  # one of its wordings means the same
+    assert "wordings of 1 episodes of test/synthetic, such as 0, are of another task" in caplog.text
 
 
 def test_a_dataset_without_texts_has_none(tmp_path: Path) -> None:

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+import os
 import subprocess
 import sys
 import tomllib
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+from nico_tabletop.configuration import ClantEnvConfig
 from nico_tabletop.env import NAME_BYTES, TabletopEnv
 from nico_tabletop.nico_mjcf import nico_mjcf
 from nico_tabletop.objects import read_objects
@@ -136,6 +138,49 @@ def test_the_registered_environments_pass_gymnasiums_checker(name: str):
 def test_another_render_mode_is_refused():
     with pytest.raises(ValueError, match="render_mode must be rgb_array; got 'ansi'"):
         TabletopEnv("PUSH-L", render_mode="ansi")
+
+
+def draw(**environment: str) -> str:
+    """What a program says that asks for an image."""
+    code = """if True:
+        import nico_tabletop
+        env = nico_tabletop.TabletopEnv("PUSH-L", height=48, width=64)
+        env.reset(seed=0)
+        print("drawn")
+    """
+    usual = {key: value for key, value in os.environ.items() if key != "MUJOCO_GL"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, env=usual | environment
+    )
+    return (done.stdout + done.stderr).strip()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("environment", [{"DISPLAY": ":99"}, {"DISPLAY": ":99", "MUJOCO_GL": ""}])
+def test_a_dead_screen_is_not_asked(environment: dict[str, str]):
+    assert draw(**environment) == "drawn"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("library", ["nonsense", "off", "glfw"])
+def test_where_nothing_can_be_drawn_one_sentence_says_so(library: str):
+    """The world is there all the same: planning needs no image."""
+    last = draw(MUJOCO_GL=library, DISPLAY=":99").splitlines()[-1]
+    assert f"DrawingError: MuJoCo cannot draw with MUJOCO_GL={library} (" in last
+    assert "set MUJOCO_GL to egl, osmesa or glfw" in last
+
+
+@pytest.mark.parametrize(("height", "width"), [(0, 64), (48, -1), (48, 1921), (10**9, 64)])
+def test_an_image_that_cannot_be_drawn_is_refused_before_anything_is_made(height: int, width: int):
+    with pytest.raises(ValueError, match=r"of an image must lie between 16 and 1920; got"):
+        TabletopEnv("PUSH-L", height=height, width=width)
+    with pytest.raises(ValueError, match=r"of an image must lie between 16 and 1920; got"):
+        ClantEnvConfig(observation_height=height, observation_width=width).create_envs(1)
+
+
+def test_the_world_has_one_pace():
+    with pytest.raises(ValueError, match=r"10 frames per second; got --env\.fps=0"):
+        ClantEnvConfig(fps=0).create_envs(1)
 
 
 @pytest.mark.slow

@@ -38,7 +38,7 @@ from nico_tabletop.scoring import Outcome
 
 from .demonstrations import Demonstration
 from .release import Split
-from .takes import Studio, Take, make_take, read_take, remove_unfinished, unfinished_takes
+from .takes import Studio, Take, complete_takes, make_take, read_take, remove_unfinished, unfinished_takes
 
 _OWN_STYLES = {"translation", "scene"}
 EXTENDED_STYLES.update(_OWN_STYLES)
@@ -106,7 +106,7 @@ def build_dataset(
     with _reporting_interruptions(studio, len(chosen)):
         unfinished.mkdir(parents=True, exist_ok=True)
         with _alone_in(unfinished), Workers(min(workers, len(chosen))) as crew:
-            _check_recipe(unfinished, {**recipe, "look of the objects": _fingerprint(objects)})
+            _check_recipe(unfinished, studio, {**recipe, "look of the objects": _fingerprint(objects)})
             _make_takes(studio, chosen, crew)
             takes = [read_take(studio.take(index)) for index in range(len(chosen))]
             dataset = _join_takes(takes, repo_id, unfinished / "joined", crew)
@@ -121,10 +121,10 @@ def _fingerprint(objects: tuple[TabletopObject, ...]) -> str:
     return hashlib.sha256(repr(objects).encode()).hexdigest()[:12]
 
 
-def _check_recipe(unfinished: Path, recipe: Mapping[str, Any]) -> None:
-    """Write down what is being built, or compare with what was begun here."""
+def _check_recipe(unfinished: Path, studio: Studio, recipe: Mapping[str, Any]) -> None:
+    """Write down what is being built, or compare with what was begun here, if any of it is worth keeping."""
     file = unfinished / "recipe.json"
-    if not file.exists():
+    if not file.exists() or not any(complete_takes(studio.folder)):
         draft = file.with_suffix(".draft")
         draft.write_text(json.dumps(recipe, indent=2), encoding="utf-8")
         draft.rename(file)

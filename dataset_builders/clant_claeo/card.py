@@ -80,9 +80,20 @@ class Build:
 
 
 def read_build(root: Path) -> Build | None:
-    """How the dataset in `root` was made; None if nothing there tells."""
+    """How the dataset in `root` was made; None if nothing there tells.
+
+    Raises:
+        ValueError: If what tells is of another version.
+    """
     record = root / _RECORD
-    return Build(**json.loads(record.read_text())) if record.exists() else None
+    if not record.exists():
+        return None
+    try:
+        return Build(**json.loads(record.read_text(encoding="utf-8")))
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{record} is of another version of owlxt5-dataset: build the dataset again, in another --root"
+        ) from None
 
 
 def write_card(root: Path, repo_id: str, build: Build) -> None:
@@ -93,7 +104,7 @@ def write_card(root: Path, repo_id: str, build: Build) -> None:
         repo_id: Its name on the Hub, which the card's examples load.
         build: How it was made.
     """
-    (root / _RECORD).write_text(json.dumps(asdict(build), indent=4) + "\n")
+    (root / _RECORD).write_text(json.dumps(asdict(build), indent=4) + "\n", encoding="utf-8")
     meta = LeRobotDatasetMetadata(repo_id, root=root)
     # One episode of each verb; an episode is named by the first word of its task.
     tasks = [episode["tasks"][0] for episode in meta.episodes]
@@ -113,9 +124,11 @@ def write_card(root: Path, repo_id: str, build: Build) -> None:
             tags=["LeRobot", "NICO", "humanoid", "simulation", "vision-language-action"],
             configs=[{"config_name": "default", "data_files": "data/*/*.parquet"}],
         ),
-        template_path=str(_TEMPLATE),
+        template_str=_TEMPLATE.read_text(encoding="utf-8"),  # by its path, it is read as the locale says
         title=build.name.upper(),
         repo_id=repo_id,
+        shell_repo_id=shlex.quote(repo_id),
+        training=train_command(meta),
         stand_ins=build.objects != "clant",
         environment=build.environment,
         release=build.release,
@@ -132,8 +145,32 @@ def write_card(root: Path, repo_id: str, build: Build) -> None:
         joints=JOINT_NAMES,
         rows=sorted(dataset.hf_dataset[0][LANGUAGE_PERSISTENT], key=_reading_order),
         splits=_splits(meta),
+        train_episodes=_train_episodes(meta),
     )
     card.save(root / "README.md")
+
+
+def train_command(meta: LeRobotDatasetMetadata, root: Path | None = None) -> str | None:
+    """The command that trains on the training split alone; None for a part that has nothing of it.
+
+    Args:
+        meta: The dataset.
+        root: Its folder, unless it is found by its name.
+    """
+    episodes = _train_episodes(meta)
+    if episodes is None:
+        return None
+    words = ["lerobot-train", "--policy.type=owlxt5", "--policy.push_to_hub=false"]
+    words.append(f"--dataset.repo_id={meta.repo_id}")
+    if root is not None:
+        words.append(f"--dataset.root={root}")
+    return f"{shlex.join(words)} {episodes}"
+
+
+def _train_episodes(meta: LeRobotDatasetMetadata) -> str | None:
+    """The option of `lerobot-train` that chooses the training split."""
+    bounds = [(first, last) for name, first, last in _splits(meta) if name == "train"]
+    return f'--dataset.episodes="[$(seq -s, {bounds[0][0]} {bounds[0][1]})]"' if bounds else None
 
 
 def _reading_order(row: dict[str, Any]) -> tuple[int, bool]:

@@ -7,19 +7,21 @@ import sys
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
-import draccus
+from lerobot.datasets import LeRobotDatasetMetadata
 from lerobot.utils.constants import HF_LEROBOT_HOME
 from rich.console import Console
 
 from builder_tools.workers import quiet, usable_cores
+from lerobot_owlxt5.command_line import command
+from nico_tabletop.drawing import DrawingError, check_image_size
 from nico_tabletop.objects import read_objects
 from nico_tabletop.scoring import Outcome
 
 from .builder import BuildError, build_dataset
-from .card import Build, read_build, write_card
+from .card import Build, read_build, train_command, write_card
 from .demonstrations import Demonstration, from_release, scripted
 from .hub import HubError, create_repository, upload
-from .release import ReleaseError, read_release
+from .release import read_release
 
 
 @dataclass
@@ -104,6 +106,18 @@ def _shard(text: str | None) -> tuple[int, int]:
     return int(part), int(parts)
 
 
+def _check(config: DatasetConfig) -> None:
+    """Refuse before anything is made what libraries would refuse in the middle of it."""
+    check_image_size(config.height, config.width)
+    if config.video and (config.height % 2 or config.width % 2):
+        raise ValueError(
+            f"--height and --width of a video must be even; got {config.height} and {config.width} "
+            "(--video=false stores images of any size)"
+        )
+    if config.seed < 0:
+        raise ValueError(f"--seed must not be negative; got {config.seed}")
+
+
 def _build(config: DatasetConfig, repo_id: str, root: Path, record: Build, console: Console) -> None:
     workers = usable_cores() if config.workers is None else config.workers
     if workers < 1:
@@ -146,14 +160,15 @@ def _private(config: DatasetConfig) -> bool:
     return config.source != "scripted" if config.private is None else config.private
 
 
-@draccus.wrap()
+@command("owlxt5-dataset", BuildError, DrawingError, HubError, ModuleNotFoundError, OSError, ValueError)
 def _make(config: DatasetConfig) -> None:
+    _check(config)
     console = Console()
     record = Build(config.shown_objects, config.placement, config.source != "scripted", _command(config))
     repo_id = config.repo_id or f"local/{record.name}"
     root = config.root or HF_LEROBOT_HOME / repo_id
-    built = read_build(root)
-    if built is None or not config.push_to_hub:
+    built = read_build(root) if config.push_to_hub else None
+    if built is None:
         _build(config, repo_id, root, record, console)
     elif built.command == record.command:
         _prepare_push(config, record, repo_id)
@@ -169,8 +184,8 @@ def _make(config: DatasetConfig) -> None:
             visible = "It is private" if _private(config) else "Be sure that you may share it"
             console.print(f"{visible}: the release states no licence for its data (--private)")
     console.print(f"Dataset: {root}", soft_wrap=True)
-    command = f"lerobot-train --policy.type=owlxt5 --policy.push_to_hub=false --dataset.repo_id={repo_id}"
-    console.print(f"Next: {command} --dataset.root={root}", soft_wrap=True)
+    if training := train_command(LeRobotDatasetMetadata(repo_id, root=root), root):
+        console.print(f"Next: {training}", soft_wrap=True, markup=False)
 
 
 def main() -> None:
@@ -181,8 +196,6 @@ def main() -> None:
     except KeyboardInterrupt:
         print("\nowlxt5-dataset: interrupted; the same command goes on after the last complete episode")
         sys.exit(130)
-    except (BuildError, ReleaseError, HubError, FileExistsError, ModuleNotFoundError, ValueError) as error:
-        sys.exit(f"owlxt5-dataset: {error}")
 
 
 if __name__ == "__main__":

@@ -42,6 +42,7 @@ every browser shows it. Without B-frames, since LeRobot joins videos without enc
 
 _FACTS = "take.json"
 _PARTIAL = ".partial"
+_DIGITS = 5  # of a take's number
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Studio:
 
     def take(self, index: int) -> Path:
         """Folder of a complete take."""
-        return self.folder / f"{index:05d}"
+        return self.folder / f"{index:0{_DIGITS}d}"
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,11 @@ def read_take(folder: Path) -> Take:
     facts = json.loads((folder / _FACTS).read_text(encoding="utf-8"))
     dataset = folder / "dataset"
     return Take(dataset if dataset.exists() else None, **facts | {"outcome": Outcome(facts["outcome"])})
+
+
+def complete_takes(folder: Path) -> Iterator[Path]:
+    """Folders of the takes that are complete."""
+    return folder.glob("[0-9]" * _DIGITS)
 
 
 def unfinished_takes(folder: Path) -> Iterator[int]:

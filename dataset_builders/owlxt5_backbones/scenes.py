@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from builder_tools.workers import draw_in_one_thread
+from nico_tabletop.drawing import make_renderer
 from nico_tabletop.placement import Pose
 from nico_tabletop.robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
 from nico_tabletop.scene import build_model, parking_place, resting_place
@@ -57,7 +58,7 @@ class RandomScenes:
         self._lights = self._model.light_pos.copy(), self._model.light_dir.copy()
         self._paint_textures()
         draw_in_one_thread()
-        self._renderer = mujoco.Renderer(self._model, HEIGHT, WIDTH)
+        self._renderer = make_renderer(self._model, HEIGHT, WIDTH)
 
     def images(self) -> Iterator[dict[str, Any]]:
         """Images and what they show.

@@ -1,18 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """`owlxt5-backbones`: make the small detector or the small language model from nothing but this package."""
 
+import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-import draccus
 import torch
 from transformers import AutoTokenizer, PreTrainedModel, Trainer, TrainingArguments
 from transformers.trainer_utils import get_last_checkpoint
 
 from builder_tools.workers import usable_cores
 from lerobot_owlxt5.backbones.small_t5 import SmallT5Config
+from lerobot_owlxt5.command_line import command
+from nico_tabletop.drawing import DrawingError
 
 from .card import commands, write_detector_card, write_language_model_card
 from .detector import DetectorSizes, load_detector_model, make_detector_model
@@ -147,13 +149,18 @@ def train_language_model(
     return model, losses
 
 
-@draccus.wrap()
+@command("owlxt5-backbones", DrawingError, OSError, ValueError)
 def main(config: BackbonesConfig) -> None:
     """Make the data, train, evaluate, and say where the result is."""
     if config.part not in RECIPES:
         sys.exit(f"owlxt5-backbones: --part is one of {', '.join(RECIPES)}, not {config.part!r}")
     if config.start_from is not None and config.part != "detector":
         sys.exit("owlxt5-backbones: --start_from is for --part=detector")
+    for name in ("steps", "batch_size", "images", "learning_rate"):
+        if (number := getattr(config, name)) is not None and number <= 0:
+            raise ValueError(f"--{name} must be above 0; got {number}")
+    if config.seed < 0:
+        raise ValueError(f"--seed must not be negative; got {config.seed}")
     # Reads the card of the detector to start from: better missing now than after hours.
     command = config.command
     if config.part == "detector":
@@ -168,7 +175,8 @@ def main(config: BackbonesConfig) -> None:
             config.model_dir, config.seed, config.recipe.steps * config.recipe.batch_size, **facts
         )
     print(f"{table}\n\nThe {config.part.replace('_', ' ')}: {config.model_dir}")
-    print(f"Next: lerobot-train --policy.type=owlxt5 --policy.{config.part}={config.model_dir} …")
+    option = shlex.quote(f"--policy.{config.part}={config.model_dir}")
+    print(f"Next: lerobot-train --policy.type=owlxt5 {option} …")
 
 
 if __name__ == "__main__":

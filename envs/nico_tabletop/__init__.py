@@ -8,15 +8,9 @@ Example:
     observation, info = env.reset(seed=0)
 """
 
-import os
-import sys
-
-# Without a screen MuJoCo draws nothing unless told how, and it looks only once, when it is imported.
-if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-    os.environ.setdefault("MUJOCO_GL", "egl")
-
 import gymnasium
 
+from . import drawing  # noqa: F401  before MuJoCo is imported, which looks only once how to draw
 from .env import TabletopEnv
 
 __all__ = ["TabletopEnv"]

@@ -11,6 +11,7 @@ from lerobot.envs.configs import EnvConfig
 from lerobot.envs.utils import _LazyAsyncVectorEnv
 from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
 
+from .drawing import check_image_size
 from .env import TabletopEnv
 from .objects import read_objects
 from .placement import find_placement
@@ -73,10 +74,13 @@ class TabletopEnvConfig(EnvConfig):
         """One vector environment per action: {environment type: {task id: environments}}.
 
         Raises:
-            ValueError: If `task` names an unknown action, `placement` is unknown, or the objects cannot be
-                used.
+            ValueError: If `task` names an unknown action, `placement` is unknown, images or `fps` cannot be
+                had, or the objects cannot be used.
         """
         # Asynchronous environments would find out in their workers.
+        check_image_size(self.observation_height, self.observation_width)
+        if self.fps != CONTROL_HZ:
+            raise ValueError(f"the world runs at {CONTROL_HZ} frames per second; got --env.fps={self.fps}")
         find_placement(self.placement)
         read_objects(self.objects)
         chosen = [find_action(name) for name in self.task.split(",")] if self.task else ACTIONS

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont
 
+from .drawing import DrawingError
 from .objects import SHIPPED, ObjectsError, read_objects
 from .robot import EYES
 from .simulation import TabletopSimulation
@@ -60,7 +61,7 @@ def main() -> None:
     arguments = parser.parse_args()
     try:
         sheet = contact_sheet(arguments.objects)
-    except ObjectsError as error:
+    except (DrawingError, ObjectsError) as error:
         sys.exit(f"contact_sheet: {error}")
     # A palette makes the file three times smaller.
     sheet.quantize(256, kmeans=2).save(arguments.output, format="PNG", optimize=True)

@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from .drawing import check_image_size
 from .objects import NAME_BYTES, read_objects
 from .placement import Pose, find_placement
 from .robot import EYES, INITIAL_POSE_DEG, joint_limits_deg
@@ -75,13 +76,15 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
             render_mode: Gymnasium's; `rgb_array` is the only one.
 
         Raises:
-            ValueError: If there is no such action, placement or render mode, or the objects cannot be used.
+            ValueError: If there is no such action, placement or render mode, the image is too small or too
+                large, or the objects cannot be used.
         """
         if render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode must be rgb_array; got {render_mode!r}")
         self.render_mode = render_mode
         self.action = find_action(action)
         self._draw_poses = find_placement(placement)
+        check_image_size(height, width)
         self._size = (height, width)
         self._max_episode_steps = EPISODE_STEPS
         self._simulation = TabletopSimulation(read_objects(objects))

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .drawing import make_renderer
 from .objects import TabletopObject, visible_surface
 from .placement import SLOT_POSES, Pose
 from .robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
@@ -110,11 +111,15 @@ class TabletopSimulation:
         # The GL context is made on first use, inside the process that renders.
         renderer = self._renderers.get((height, width))
         if renderer is None:
-            renderer = self._renderers[height, width] = mujoco.Renderer(self.model, height, width)
+            renderer = self._renderers[height, width] = make_renderer(self.model, height, width)
         return renderer
 
     def render(self, camera: str, height: int, width: int) -> NDArray[np.uint8]:
-        """Image of a camera, shape (height, width, 3), RGB."""
+        """Image of a camera, shape (height, width, 3), RGB.
+
+        Raises:
+            DrawingError: If MuJoCo cannot draw on this machine.
+        """
         renderer = self._renderer(height, width)
         renderer.update_scene(self.data, camera)
         return renderer.render()

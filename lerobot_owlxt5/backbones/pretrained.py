@@ -2,12 +2,17 @@
 """Loading pretrained models: safetensors only, no remote code, and an error that says what to do."""
 
 import hashlib
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
+from httpx import HTTPError
+from huggingface_hub import get_hf_file_metadata, hf_hub_url, try_to_load_from_cache
+
 EMBEDDED = "embedded"
 """Name of the small backbones that are part of this package."""
+_CONFIG = "config.json"  # each model has one
 
 
 def find_backbone(
@@ -39,6 +44,34 @@ def find_backbone(
     return str(folder), digest
 
 
+def check_backbones(backbones: Mapping[str, tuple[str, str | None]]) -> None:
+    """Check that all backbones can be had, before any of them is loaded: without a network, none can.
+
+    Args:
+        backbones: Name (Hub id, folder, or `embedded`) and Hub revision or None, by option, such as
+            `{"language_model": ("google-t5/t5-small", None)}`.
+
+    Raises:
+        OSError: One for all that cannot be had, naming their flags.
+    """
+    missing = {}
+    for option, (name, revision) in backbones.items():
+        here = name == EMBEDDED or Path(name).is_dir()
+        if here or isinstance(try_to_load_from_cache(name, _CONFIG, revision=revision), str):
+            continue
+        try:
+            get_hf_file_metadata(hf_hub_url(name, _CONFIG, revision=revision))
+        except (OSError, ValueError, HTTPError) as error:
+            reason = (str(error).strip() or type(error).__name__).partition("\n")[0].rstrip(".")
+            missing[option] = f"--policy.{option}={name} (revision {revision or 'main'}) because: {reason}."
+    if missing:
+        instead = " ".join(f"--policy.{option}={EMBEDDED}" for option in missing)
+        raise OSError(
+            f"The policy's pretrained models cannot be had: {' '.join(missing.values())} Check names, "
+            f"revisions and network, or give {instead}: what is embedded needs no network."
+        )
+
+
 def load_pretrained(
     loader: Any, name: str, revision: str | None, flag: str, alternatives: str, **options: Any
 ) -> Any:
@@ -62,4 +95,4 @@ def load_pretrained(
         raise OSError(
             f"{flag}={name} (revision {revision or 'main'}) cannot be loaded: {reason} "
             f"Check the name, the revision and the network, or give {alternatives}."
-        ) from error
+        ) from None

@@ -6,11 +6,11 @@
 It knows nothing: train it along with `--policy.train_language_model=true`.
 """
 
+import shlex
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
-import draccus
 import torch
 from lerobot.datasets import LeRobotDatasetMetadata
 from tokenizers import Tokenizer, decoders, pre_tokenizers, processors
@@ -18,6 +18,7 @@ from tokenizers.models import BPE
 from tokenizers.trainers import BpeTrainer
 from transformers import PreTrainedTokenizerFast, T5Config, T5ForConditionalGeneration
 
+from ..command_line import command
 from ..commands import prompts
 from ..commands.parser import spoken
 from ..commands.verbs import VERBS
@@ -121,18 +122,22 @@ def collect_texts(dataset_root: Path | None) -> list[str]:
     return texts
 
 
-@draccus.wrap()
+@command("small_t5", OSError, ValueError)
 def main(config: SmallT5Config) -> None:
     """Write a small T5 and say what to do with it."""
     if config.dataset_root is not None and not (config.dataset_root / "meta" / "info.json").is_file():
-        raise SystemExit(
+        raise ValueError(
             f"--dataset_root={config.dataset_root} holds no LeRobotDataset (no meta/info.json there)."
         )
+    for field in fields(config):
+        value, least = getattr(config, field.name), 0 if field.name == "seed" else 1
+        if isinstance(value, int) and value < least:
+            raise ValueError(f"--{field.name} must be at least {least}; got {value}")
     model = make_small_t5(config, collect_texts(config.dataset_root))
     print(
         f"Small untrained T5 ({model.num_parameters():,} parameters, {model.config.vocab_size} tokens) "
         f"is in {config.output_dir}.\nNext: lerobot-train --policy.type=owlxt5 "
-        f"--policy.language_model={config.output_dir} --policy.train_language_model=true …"
+        f"{shlex.quote(f'--policy.language_model={config.output_dir}')} --policy.train_language_model=true …"
     )
 
 

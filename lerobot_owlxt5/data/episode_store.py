@@ -8,7 +8,7 @@ the episodes are read once, from the dataset's files on this machine.
 
 import logging
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
@@ -44,7 +44,7 @@ class EpisodeTexts:
     """Texts of one episode beside its task.
 
     Attributes:
-        wordings: Accepted wordings of the task (LeRobot's style `task_aug`).
+        wordings: Accepted wordings of the task (LeRobot's style `task_aug`), itself among them; or none.
         sentence: English sentence to translate (style `translation`, role `user`), or None.
         translation: The same sentence in German (style `translation`, role `assistant`), or None.
     """
@@ -145,18 +145,28 @@ class EpisodeStore:
 
     @cached_property
     def texts(self) -> dict[int, EpisodeTexts]:
-        """Texts by episode index; empty for a dataset without language columns."""
+        """Texts by episode index; empty for a dataset without language columns.
+
+        Wordings of another task are left out: `lerobot-edit-dataset` changes a task and leaves its wordings.
+        Those that belong to it have it among them; so LeRobot and `owlxt5-dataset` write them.
+        """
         if LANGUAGE_COLUMN not in self._meta.features:
             return {}
-        texts = {}
-        for table in self._tables("episode_index", "frame_index", LANGUAGE_COLUMN):
+        texts, strangers = dict[int, EpisodeTexts](), []
+        tasks = {index: task for task, index in self._meta.tasks["task_index"].items()}
+        keys = "episode_index", "task_index", LANGUAGE_COLUMN
+        for table in self._tables("frame_index", *keys):
             first_frames = table.filter(pc.equal(table["frame_index"], 0))
-            for episode, rows in zip(
-                first_frames["episode_index"].to_pylist(),
-                first_frames[LANGUAGE_COLUMN].to_pylist(),
-                strict=True,
-            ):
-                texts[episode] = _sort_rows(rows or [])
+            for episode, task, rows in zip(*(first_frames[key].to_pylist() for key in keys), strict=True):
+                texts[episode] = found = _sort_rows(rows or [])
+                if found.wordings and tasks[task].strip() not in found.wordings:
+                    texts[episode] = replace(found, wordings=())
+                    strangers.append(episode)
+        if strangers:
+            logging.warning(
+                f"The wordings of {len(strangers)} episodes of {self._meta.repo_id}, such as {strangers[0]}, "
+                "are of another task than theirs, which was edited perhaps: they are left out."
+            )
         return texts
 
     def frames(self, camera: str, episodes: Collection[int] | None = None) -> Iterator[tuple[int, Tensor]]:

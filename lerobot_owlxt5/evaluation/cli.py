@@ -8,13 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from draccus.utils import ParsingError
 from lerobot.configs import PreTrainedConfig, parser
 from lerobot.configs.default import DatasetConfig
 from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot.utils.constants import ACTION, OBS_PREFIX
 from rich.console import Console
+from yaml import YAMLError
 
+from ..command_line import check_given, explain, quote_texts, write_whatever_the_locale
 from ..configuration_crossmodal import CrossmodalConfig
 from ..configuration_owlxt5 import GROUND_TRUTH
 from ..data.episode_store import find_long_episode
@@ -120,8 +123,13 @@ def choose_episodes(meta: LeRobotDatasetMetadata, split: str, among: Sequence[in
         among: Only these episodes count, if given (--dataset.episodes).
 
     Raises:
-        ValueError: If there is no such split, or no episode in it.
+        ValueError: If there is no such split, no episode in it, or not an episode that was asked for.
     """
+    if unknown := [episode for episode in among or () if not 0 <= episode < meta.total_episodes]:
+        raise ValueError(
+            f"--dataset.episodes names episode {unknown[0]}, but {meta.repo_id} has {meta.total_episodes} "
+            "episodes, counted from 0"
+        )
     splits = meta.info.splits or {}
     if split == ALL:
         chosen = range(meta.total_episodes)
@@ -171,8 +179,11 @@ def describe_run(
 
 @parser.wrap()
 def _evaluate(config: EvaluateConfig) -> None:
+    check_given(config)
     if config.batch_size < 1:
         raise ValueError(f"--batch_size must be at least 1; got {config.batch_size}")
+    if config.seed < 0:
+        raise ValueError(f"--seed must not be negative; got {config.seed}")
     policy, preprocessor, postprocessor = load_policy()
     dataset = open_dataset(config, policy.config)
     scores = score_policy(
@@ -199,10 +210,13 @@ def _evaluate(config: EvaluateConfig) -> None:
 
 def main() -> None:
     """Entry point; an error that the user can mend ends in one message and exit status 1."""
+    write_whatever_the_locale()
+    # LeRobot's parser, which knows --policy.path, reads them from here.
+    sys.argv[1:] = quote_texts(EvaluateConfig, sys.argv[1:])
     try:
         _evaluate()
-    except (OSError, ValueError) as error:
-        sys.exit(f"owlxt5-evaluate: {error}")
+    except (OSError, ValueError, ParsingError, YAMLError) as error:
+        sys.exit(f"owlxt5-evaluate: {explain(error)}")
 
 
 if __name__ == "__main__":
