@@ -60,6 +60,9 @@ class VisualEncoder(Protocol):
 
     names_objects: bool
 
+    def can_read(self, names: Sequence[str]) -> bool:
+        """Whether names that are looked for together are short enough; not asked unless `names_objects`."""
+
     def encode(self, batch: Mapping[str, Any], names: Sequence[str]) -> VisualInput:
         """Look at a batch's images: one step, or all steps of finished episodes.
 
@@ -99,6 +102,10 @@ class ObjectPoint:
             config.detector_revision = self.detector.revision
         self._config = config
         self._cache: dict[tuple[int, str], tuple[float, ...]] = {}
+
+    def can_read(self, names: Sequence[str]) -> bool:
+        """See `VisualEncoder`."""
+        return self.detector.can_read(names)
 
     def encode(self, batch: Mapping[str, Any], names: Sequence[str]) -> VisualInput:
         """See `VisualEncoder`; of several steps the first counts."""
@@ -168,6 +175,10 @@ class AutoencoderFeatures(nn.Module):
         self._camera = camera
         self._steps = max_episode_steps
         self._cache: dict[int, Tensor] = {}
+
+    def can_read(self, names: Sequence[str]) -> bool:
+        """See `VisualEncoder`: no name is looked for."""
+        return True
 
     def encode(self, batch: Mapping[str, Any], names: Sequence[str]) -> VisualInput:
         """See `VisualEncoder`: one frame, or an episode's frames, (batch, 1 or L, 30)."""

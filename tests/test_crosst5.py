@@ -157,7 +157,7 @@ def test_a_checkpoint_holds_core_and_autoencoder(
 
     policy.save_pretrained(tmp_path)
     stored = {key.split(".")[0] for key in load_file(tmp_path / "model.safetensors")}
-    assert stored == {"model", "visual", "training_seed", "rest_pose"}
+    assert stored == {"model", "visual", "training_seed", "rest_pose", "rest_tolerance"}
     config = json.loads((tmp_path / "config.json").read_text())
     (tmp_path / "config.json").write_text(json.dumps(config | {"autoencoder": "/gone"}))
     loaded = CrossT5Policy.from_pretrained(tmp_path, strict=True)

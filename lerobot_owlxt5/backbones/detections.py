@@ -58,6 +58,9 @@ class Detector(Protocol):
     threshold: float
     revision: str | None
 
+    def can_read(self, names: Sequence[str]) -> bool:
+        """Whether names that are looked for together are short enough to be read to their end."""
+
     def __call__(
         self,
         observation: Mapping[str, Any],

@@ -49,9 +49,14 @@ class OwlCandidates:
         self.processor = processor
         self._pads = model.config.model_type == "owlv2"
 
+    def can_read(self, names: Sequence[str]) -> bool:
+        """Whether no name is longer than what the model reads: it would see the beginning alone."""
+        longest = self.model.config.text_config.max_position_embeddings
+        return all(len(self.processor.tokenizer(_query(name))["input_ids"]) <= longest for name in names)
+
     def __call__(self, images: Tensor, names: Sequence[Sequence[str]]) -> Candidates:
         """Propose boxes in images (batch, 3, height, width) in [0, 1]."""
-        queries = [[f"a photo of a {name}" for name in asked] for asked in names]
+        queries = [[_query(name) for name in asked] for asked in names]
         inputs = self.processor(
             text=queries, images=list(images), do_rescale=False, truncation=True, return_tensors="pt"
         )
@@ -73,9 +78,22 @@ class GroundingDinoCandidates:
         self.processor = processor
         self._full_stop = processor.tokenizer.convert_tokens_to_ids(".")
 
+    def can_read(self, names: Sequence[str]) -> bool:
+        """Whether the caption with all the names is no longer than what the model reads."""
+        return len(self.processor.tokenizer(_caption(names))["input_ids"]) <= self.model.config.max_text_len
+
     def __call__(self, images: Tensor, names: Sequence[Sequence[str]]) -> Candidates:
-        """Propose boxes in images (batch, 3, height, width) in [0, 1]; a name's best token counts."""
-        captions = [" ".join(f"{name} ." for name in asked) for asked in names]
+        """Propose boxes in images (batch, 3, height, width) in [0, 1]; a name's best token counts.
+
+        Raises:
+            ValueError: If there are too many names for a caption.
+        """
+        if not all(map(self.can_read, names)):
+            raise ValueError(
+                f"{len(names[0])} names are too many words for the detector, which reads captions of "
+                f"{self.model.config.max_text_len} tokens: look for fewer or shorter ones."
+            )
+        captions = [_caption(asked) for asked in names]
         inputs = self.processor(
             text=captions, images=list(images), do_rescale=False, padding=True, return_tensors="pt"
         ).to(images.device)
@@ -92,6 +110,14 @@ class GroundingDinoCandidates:
         ]
         middle, half = outputs.pred_boxes[..., :2], outputs.pred_boxes[..., 2:] / 2
         return Candidates(torch.cat([middle - half, middle + half], dim=-1), torch.stack(scores, dim=-1))
+
+
+def _query(name: str) -> str:
+    return f"a photo of a {name}"
+
+
+def _caption(names: Sequence[str]) -> str:
+    return " ".join(f"{name} ." for name in names)
 
 
 class Kind(NamedTuple):
@@ -152,6 +178,10 @@ class ZeroShotDetector:
         own = getattr(self.model.config, "score_threshold", self.candidates.usual_threshold)
         self.threshold: float = own if threshold is None else threshold
         self.camera = camera
+
+    def can_read(self, names: Sequence[str]) -> bool:
+        """See `detections.Detector`."""
+        return self.candidates.can_read([object_name(name) for name in names])
 
     def __call__(
         self,

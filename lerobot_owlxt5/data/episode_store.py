@@ -22,6 +22,7 @@ from lerobot.utils.constants import ACTION, OBS_STATE
 from PIL import Image
 from torch import Tensor
 
+from ..commands.prompts import check_texts
 from .normalization import share_joint_range
 
 if TYPE_CHECKING:
@@ -30,6 +31,10 @@ if TYPE_CHECKING:
 LANGUAGE_COLUMN = "language_persistent"
 SCALED_ALIKE = 1e-3
 """Largest difference between an action that a preprocessor has scaled and the same in `EpisodeStore`."""
+NEAR = 0.1
+"""How far from the trained first poses a plan may begin, as a share of half a joint's range (measured)."""
+# The same for a joint that hardly moves, as a share of the range of the joint that moves most.
+LEAST_NEAR = 0.2
 # LeRobot's own default tolerance for the time of a frame, in seconds.
 TOLERANCE = 1e-4
 
@@ -58,6 +63,7 @@ class _Trajectories:
     first: Tensor
     length: Tensor
     initial_pose: Tensor
+    initial_tolerance: Tensor
 
 
 class EpisodeStore:
@@ -122,6 +128,11 @@ class EpisodeStore:
         """Mean of the episodes' first poses, (joints,), scaled to [-1, 1]."""
         return self._trajectories.initial_pose
 
+    @property
+    def initial_tolerance(self) -> Tensor:
+        """How far from their mean a plan may begin, (joints,), scaled: their largest distance, and `NEAR`."""
+        return self._trajectories.initial_tolerance
+
     @cached_property
     def texts(self) -> dict[int, EpisodeTexts]:
         """Texts by episode index; empty for a dataset without language columns."""
@@ -172,12 +183,15 @@ class EpisodeStore:
             actions.append(scaled)
             poses.append(states[first])
         length = torch.tensor(lengths)
+        first_poses = np.concatenate(poses)
+        mean_pose = first_poses.mean(axis=0, dtype=np.float64)
+        tolerance = start_tolerance(first_poses, high - low)
         return _Trajectories(
             torch.from_numpy(np.concatenate(actions).astype(np.float32)),
             row,
             length.cumsum(dim=0) - length,
             length,
-            torch.from_numpy(np.concatenate(poses).mean(axis=0, dtype=np.float64).astype(np.float32)),
+            *(torch.from_numpy(each.astype(np.float32)) for each in (mean_pose, tolerance)),
         )
 
     @cached_property
@@ -206,15 +220,34 @@ class EpisodeStore:
                 yield episode, torch.from_numpy(np.stack(frames)).permute(0, 3, 1, 2)
 
 
+def start_tolerance(poses: np.ndarray, ranges: np.ndarray) -> np.ndarray:
+    """How far from the mean of the first poses a plan may begin: as far as they do, and `NEAR`.
+
+    A joint that hardly moves is scaled up. It may be off by what others may, not by a share of its own range.
+
+    Args:
+        poses: The episodes' first poses, (episodes, joints), scaled.
+        ranges: Of the joints, before they were scaled, (joints,).
+
+    Returns:
+        (joints,), scaled.
+    """
+    spread = np.abs(poses - poses.mean(axis=0)).max(axis=0)
+    tolerance: np.ndarray = spread + NEAR * np.maximum(1.0, LEAST_NEAR * ranges.max() / ranges)
+    return tolerance
+
+
 def _sort_rows(rows: list[dict[str, Any]]) -> EpisodeTexts:
     """Sort an episode's language rows by LeRobot's style and role."""
     said: dict[tuple[str, str], list[str]] = {}
     for row in rows:
         if row["content"]:
             said.setdefault((row["style"], row["role"]), []).append(row["content"])
+    wordings, sentences = (said.get((style, "user"), []) for style in ("task_aug", "translation"))
+    check_texts(wordings + sentences, "A text of the dataset")
     return EpisodeTexts(
-        wordings=tuple(said.get(("task_aug", "user"), ())),
-        sentence=next(iter(said.get(("translation", "user"), ())), None),
+        wordings=tuple(wordings),
+        sentence=next(iter(sentences), None),
         translation=next(iter(said.get(("translation", "assistant"), ())), None),
     )
 

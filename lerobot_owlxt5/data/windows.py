@@ -55,6 +55,20 @@ def first_pose(batch: Mapping[str, Any]) -> Tensor:
     return at_step(batch[OBS_STATE], 0).clamp(-1.0, 1.0)
 
 
+def is_far(state: Tensor, rest_pose: Tensor, tolerance: Tensor) -> Tensor:
+    """Whether a robot is too far from where the movements of the training data begin.
+
+    Args:
+        state: Scaled joints (batch, joints), or with a time axis, of which the first step counts.
+        rest_pose: Mean first pose of the training data, (joints,), scaled.
+        tolerance: How far from it each joint may be, (joints,), scaled.
+
+    Returns:
+        (batch,) bool.
+    """
+    return ((at_step(state, 0) - rest_pose).abs() > tolerance).any(dim=1)
+
+
 def recorded_joints(batch: Mapping[str, Any]) -> Tensor:
     """Joints at each step of finished episodes, (batch, L, joints)."""
     actions, _ = recover_actions(batch[ACTION], batch["action_is_pad"])
