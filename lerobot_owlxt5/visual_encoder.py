@@ -21,6 +21,9 @@ from .model.autoencoder import ChannelSeparatedAutoencoder
 DESCRIBE_THRESHOLD_SHARE = 0.5
 # An object is gone from a place where its score has fallen below this share of what it was.
 GONE = 0.5
+# A place where nothing is seen any more may be hidden. What moved is seen elsewhere: with this share of the
+# detector's threshold, and with less than this share of its box in the old one, which would be what is left.
+SEEN_ELSEWHERE, INSIDE = 0.4, 0.7
 # A feature that varies less than this is not blown up.
 SMALLEST_RANGE = 1e-6
 
@@ -132,6 +135,7 @@ class ObjectPoint:
         The detector looks for all labels in the first image, and in the last one at the same places. The
         label whose score there has fallen to the smallest share counts. That is our reading of the paper,
         whose prompt names no object. Of several labels for one object the one with the best score stands.
+        An arm may hide a place, so the object must also be seen elsewhere, where no other one was.
         """
         first, last = observation_at(batch, 0), observation_at(batch, -1)
         asked = [list(labels)] * len(batch[ACTION])
@@ -139,7 +143,12 @@ class ObjectPoint:
         after = self.detector(last, asked, near=before.centre)
         known = _best_label(before) & (before.score >= DESCRIBE_THRESHOLD_SHARE * self.detector.threshold)
         still_there, index = torch.where(known, after.score / before.score, 1.0).min(dim=1)
-        moved = still_there < GONE
+        others = known[:, None] & ~same_place(before.centre[:, :, None], before.centre[:, None])
+        away = torch.where(others[..., None], before.centre[:, None], torch.inf)
+        elsewhere = self.detector(last, asked, away=away)
+        seen = elsewhere.score >= SEEN_ELSEWHERE * self.detector.threshold
+        seen &= elsewhere.share_inside(before) < INSIDE
+        moved = (still_there < GONE) & seen.gather(1, index[:, None])[:, 0]
         point = self._points(before).gather(1, index[:, None, None].expand(-1, -1, 2))
         features = torch.where(moved[:, None, None], point, 0.0)
         return MovedObjects(features, moved, [labels[each] for each in index.tolist()])

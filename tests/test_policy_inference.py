@@ -335,10 +335,19 @@ def test_describe_takes_what_is_gone_from_its_place(
         threshold = 0.3
         revision = None
 
+        def can_read(self, names: object) -> bool:
+            return True
+
         def __call__(
-            self, observation: object, names: object, near: torch.Tensor | None = None
+            self,
+            observation: object,
+            names: object,
+            near: torch.Tensor | None = None,
+            away: torch.Tensor | None = None,
         ) -> Detections:
             box = torch.tensor([[[x, 0.5, x, 0.5] for x in places]])
+            if away is not None:
+                return Detections(box + 0.3, torch.tensor([[0.2, 0.2]]))
             assert near is None or torch.equal(near, box[..., :2])
             return Detections(box, torch.tensor([before if near is None else after]))
 
@@ -352,6 +361,37 @@ def test_describe_takes_what_is_gone_from_its_place(
         assert texts != ["nothing moved"]
     else:
         assert texts == ["nothing moved"]
+
+
+@pytest.mark.parametrize(
+    ("box", "score", "moved"),
+    [
+        pytest.param((0.5, 0.4, 0.6, 0.5), 0.2, True, id="beside its place"),
+        pytest.param((0.5, 0.4, 0.6, 0.5), 0.1, False, id="hardly seen"),
+        pytest.param((0.4, 0.4, 0.43, 0.5), 0.9, False, id="the arm leaves a part of it to see"),
+    ],
+)
+def test_a_hidden_place_is_not_an_empty_one(
+    t5: Path, monkeypatch: pytest.MonkeyPatch, box: tuple[float, ...], score: float, moved: bool
+) -> None:
+    class Hidden:
+        """Sees the only object well in the first image, not at its place in the last, and so elsewhere."""
+
+        threshold = 0.3
+
+        def can_read(self, names: object) -> bool:
+            return True
+
+        def __call__(
+            self, observation: object, names: object, near: object = None, away: object = None
+        ) -> Detections:
+            if away is not None:
+                return Detections(torch.tensor([[box]]), torch.tensor([[score]]))
+            return Detections(torch.tensor([[[0.4, 0.4, 0.5, 0.5]]]), torch.tensor([[0.9 * (near is None)]]))
+
+    policy = make_policy(t5)
+    monkeypatch.setattr(policy.visual, "detector", Hidden())
+    assert (policy.describe(observe_finished(), labels=["red"]) != ["nothing moved"]) == moved
 
 
 def test_describe_needs_to_know_what_to_look_for(t5: Path) -> None:

@@ -188,13 +188,14 @@ class ZeroShotDetector:
         observation: Mapping[str, Any],
         names: Sequence[Sequence[str]],
         near: Tensor | None = None,
+        away: Tensor | None = None,
     ) -> Detections:
         """Detect: see `detections.Detector`."""
         images = observation[self.camera]
         if images.dtype == torch.uint8:
             images = images / 255
         parts = [
-            self._detect(images[part], names[part], None if near is None else near[part])
+            self._detect(images[part], names[part], *(at if at is None else at[part] for at in (near, away)))
             for part in (
                 slice(first, first + IMAGES_AT_ONCE) for first in range(0, len(images), IMAGES_AT_ONCE)
             )
@@ -202,7 +203,9 @@ class ZeroShotDetector:
         return Detections(*(torch.cat(tensors) for tensors in zip(*parts, strict=True)))
 
     @torch.no_grad()
-    def _detect(self, images: Tensor, names: Sequence[Sequence[str]], near: Tensor | None) -> Detections:
+    def _detect(
+        self, images: Tensor, names: Sequence[Sequence[str]], near: Tensor | None, away: Tensor | None
+    ) -> Detections:
         self.model.to(images.device)
         full_names = [[object_name(name) for name in asked] for asked in names]
         boxes, scores = self.candidates(images, full_names)
@@ -210,6 +213,8 @@ class ZeroShotDetector:
         counts = ((centre >= 0) & (centre <= 1)).all(dim=-1)
         if near is not None:
             counts = counts & same_place(centre, near[:, None])
+        if away is not None:
+            counts = counts & ~same_place(centre[:, :, :, None], away[:, None]).any(dim=-1)
         score, index = (scores * counts).max(dim=1)
         return Detections(boxes.gather(1, index[..., None].expand(-1, -1, BOX_NUMBERS)), score)
 
