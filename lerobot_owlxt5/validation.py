@@ -38,6 +38,8 @@ def read_tasks(batch: Mapping[str, Any]) -> list[str]:
     Raises:
         ValueError: If there is not one text for each sample.
     """
+    if OBS_STATE not in batch:
+        raise ValueError(f"The batch lacks '{OBS_STATE}', the positions of the robot's joints.")
     tasks, samples = batch.get("task"), len(batch[OBS_STATE])
     if not isinstance(tasks, list | tuple) or [type(task) for task in tasks] != [str] * samples:
         raise ValueError(

@@ -227,6 +227,9 @@ def test_a_robot_without_a_task_is_told_what_is_missing(t5: Path, task: object) 
     del batch["task"]
     with pytest.raises(ValueError, match="and is None"):
         make_policy(t5).select_action(batch)
+    del batch["observation.state"]
+    with pytest.raises(ValueError, match=r"lacks 'observation\.state'"):
+        make_policy(t5).select_action(batch)
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf")])
