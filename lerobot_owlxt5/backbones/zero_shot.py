@@ -88,17 +88,17 @@ class GroundingDinoCandidates:
         Raises:
             ValueError: If there are too many names for a caption.
         """
-        if not all(map(self.can_read, names)):
-            raise ValueError(
-                f"{len(names[0])} names are too many words for the detector, which reads captions of "
-                f"{self.model.config.max_text_len} tokens: look for fewer or shorter ones."
-            )
         captions = [_caption(asked) for asked in names]
         inputs = self.processor(
             text=captions, images=list(images), do_rescale=False, padding=True, return_tensors="pt"
         ).to(images.device)
         outputs = self.model(**inputs)
         tokens = inputs["input_ids"]
+        if tokens.shape[1] > outputs.logits.shape[-1]:
+            raise ValueError(
+                f"{len(names[0])} names are too many words for the detector, which reads captions of "
+                f"{outputs.logits.shape[-1]} tokens: look for fewer or shorter ones."
+            )
         ends = tokens == self._full_stop
         # Which name a token belongs to; the full stops and what begins and ends a caption belong to none.
         name = (ends.cumsum(dim=1) - ends.long()).masked_fill(ends | (inputs["attention_mask"] == 0), -1)
