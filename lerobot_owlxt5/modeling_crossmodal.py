@@ -7,23 +7,21 @@ from typing import TYPE_CHECKING, Any, Self
 
 import torch
 from lerobot.configs import PreTrainedConfig
-from lerobot.policies.pretrained import PreTrainedPolicy
-from lerobot.utils.constants import ACTION, OBS_STATE
+from lerobot.utils.constants import ACTION
 from torch import Tensor, nn
 
 from .backbones.pretrained import EMBEDDED, check_backbones
-from .commands.instruction import interpret
 from .commands.parser import named_objects, parse_command, plain
-from .commands.prompts import describe_prompt, repeat_action_prompt, translate_prompt
+from .commands.prompts import check_texts, describe_prompt, repeat_action_prompt, translate_prompt
 from .configuration_crossmodal import CORE_VERSION, CrossmodalConfig
 from .data.episode_store import EpisodeStore
 from .data.normalization import share_joint_range
 from .data.windows import first_pose, recorded_joints, still
+from .executing_policy import ExecutingPolicy
 from .losses import mixed_loss, reduce_loss
 from .mode_sampling import ModeSampler, sample_rngs
 from .model.crossmodal_model import CrossmodalModel
-from .validation import check_finite_loss, check_state, read_tasks
-from .visual_encoder import VisualEncoder
+from .validation import check_finite_loss, read_tasks
 
 if TYPE_CHECKING:
     from lerobot.datasets import LeRobotDatasetMetadata
@@ -32,24 +30,17 @@ NOTHING_MOVED = "nothing moved"
 """What `describe` answers when there is nothing to describe."""
 
 
-class CrossmodalPolicy(PreTrainedPolicy):
+class CrossmodalPolicy(ExecutingPolicy):
     """Executes, describes and repeats actions, repeats language and translates.
 
     A visual encoder, which a subclass makes, turns images into numbers. The model joins them with prompt and
-    joints, and answers with a text and a movement. The policy plans once, at the beginning of an episode,
-    and then carries the plan out.
-
-    Attributes:
-        responses: One sentence for each environment on the plan that was made last; empty before the first.
-            It says what the robot is going to do, not that it was done: nobody has looked yet.
+    joints, and answers with a text and a movement.
     """
 
     # LeRobot asks both of each class, of this unfinished one too.
     config_class = CrossmodalConfig
     name = "crossmodal"
-    visual: VisualEncoder
     training_seed: Tensor
-    rest_pose: Tensor
 
     def __init__(
         self,
@@ -76,14 +67,14 @@ class CrossmodalPolicy(PreTrainedPolicy):
             dataset_meta.stats.update(share_joint_range(dataset_meta.stats))
             self.episodes = EpisodeStore(dataset_meta)
             self.episodes.warn_of_long(config.max_episode_steps)
+            check_texts([*dataset_meta.tasks.index], "A task of the dataset")
         n_joints = config.action_feature.shape[0]
         self.model = CrossmodalModel(config, n_joints)
         # LeRobot restores the global generator when a run is resumed, but its data loader then draws from it
         # before the first step. With a seed of its own in the checkpoint, a resumed run equals an unbroken
         # one.
         self.register_buffer("training_seed", torch.randint(2**31, ()))
-        # Translation needs no robot, but a pose to begin with: the mean first pose of the training data.
-        self.register_buffer("rest_pose", torch.zeros(n_joints))
+        self.register_rest_pose(n_joints)
         self.reset()
 
     @classmethod
@@ -117,12 +108,6 @@ class CrossmodalPolicy(PreTrainedPolicy):
         """Adapt all linear layers, and T5's queries and values if it is trained along; LoRA knows no LSTM."""
         core = r"core\.(crossmodal\.(queries|keys|feedforward\.[03])|fc|decoder\.(initial|joints|stop))"
         return {"target_modules": rf"model\.({core}|language_model\..*\.[qv])", "modules_to_save": []}
-
-    def reset(self) -> None:
-        """Forget the plan: a new episode begins."""
-        self._plan: Tensor | None = None
-        self._next_step = 0
-        self.responses: list[str] = []
 
     # Training -----------------------------------------------------------------------------------------------
 
@@ -166,6 +151,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
                 torch.manual_seed(int(rng.integers(2**63)))
                 rngs = sample_rngs(seed, batch["index"])
                 self.rest_pose = self.episodes.initial_pose.to(self.rest_pose)
+                self.rest_tolerance = self.episodes.initial_tolerance.to(self.rest_tolerance)
             actions, length = self.episodes.actions(batch, self.config.max_episode_steps)
             tasks = read_tasks(batch)
             if self.training:
@@ -186,56 +172,6 @@ class CrossmodalPolicy(PreTrainedPolicy):
         found = seen.object_found.float().mean().item()
         return reduce_loss(terms.loss, reduction), terms.means() | {"found": found}
 
-    # Execute ------------------------------------------------------------------------------------------------
-
-    @torch.no_grad()
-    def select_action(self, batch: dict[str, Any], **kwargs: Any) -> Tensor:
-        """Return the next action of the plan; make the plan if there is none.
-
-        Args:
-            batch: Observation of a batch of environments, with their tasks in `task`.
-            **kwargs: Not used.
-
-        Returns:
-            (batch, joints), scaled to [-1, 1]. After the plan's end the last action is held.
-        """
-        if self._plan is None:
-            self._plan = self.predict_action_chunk(batch)
-        action = self._plan[:, min(self._next_step, self._plan.shape[1] - 1)]
-        self._next_step += 1
-        return action
-
-    @torch.no_grad()
-    def predict_action_chunk(self, batch: dict[str, Any], **kwargs: Any) -> Tensor:
-        """Plan a whole episode for each environment, and note what to say about it in `responses`.
-
-        An object that is not seen and a command that is not known make the robot hold still.
-
-        Args:
-            batch: Observation at the beginning of the episode, with the tasks in `task`.
-            **kwargs: Not used.
-
-        Returns:
-            (batch, L, joints), scaled to [-1, 1].
-
-        Raises:
-            ValueError: If there are other joints than in training, or a joint's position is not finite: then
-                there is not even a pose to hold.
-            FloatingPointError: If the plan is not finite.
-        """
-        self.eval()
-        check_state(batch[OBS_STATE], self.config.action_feature.shape[0])
-        instructions = [interpret(task, self.config.tasks or ()) for task in read_tasks(batch)]
-        seen = self.visual.encode(batch, [instruction.command.object for instruction in instructions])
-        found: list[bool] = seen.object_found.tolist()
-        paired = list(zip(instructions, found, strict=True))
-        self.responses = [instruction.response(sees) for instruction, sees in paired]
-        pose = first_pose(batch)
-        prompts = [instruction.prompt for instruction in instructions]
-        actions = self.model.plan(prompts, seen.features[:, :1], still(pose), self.config.max_episode_steps)
-        moves = torch.tensor([instruction.may_move(sees) for instruction, sees in paired], device=pose.device)
-        return torch.where(moves[:, None, None], actions, pose[:, None])
-
     # The other modes ----------------------------------------------------------------------------------------
 
     @torch.no_grad()
@@ -250,10 +186,18 @@ class CrossmodalPolicy(PreTrainedPolicy):
 
         Returns:
             One description per sample, or `NOTHING_MOVED`.
+
+        Raises:
+            ValueError: If a label is too long, or there is none.
         """
         self.eval()
         if labels is None:
             labels = named_objects(self.config.tasks or [])
+        else:
+            check_texts(labels, "`labels`")
+            for label in labels if self.visual.names_objects else ():
+                if not self.visual.can_read([label]):
+                    raise ValueError(f"The detector cannot look for a name as long as {label!r}: shorten it.")
         if not labels and self.visual.names_objects:
             raise ValueError("The policy was not trained, so it knows no objects to look for: pass `labels`.")
         seen = self.visual.find_moved(batch, labels)
@@ -287,7 +231,11 @@ class CrossmodalPolicy(PreTrainedPolicy):
         Args:
             sentences: One per sample.
             batch: May hold the robot's pose in `observation.state`, (batch, joints), scaled.
+
+        Raises:
+            ValueError: If a sentence is too long.
         """
+        check_texts(sentences, "`sentences`")
         return self._answer([translate_prompt(sentence) for sentence in sentences], None, batch)
 
     def _answer(

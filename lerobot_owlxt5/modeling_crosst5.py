@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
-from .commands.prompts import repeat_language_prompt
+from .commands.prompts import check_texts, repeat_language_prompt
 from .configuration_crosst5 import CrossT5Config
 from .modeling_crossmodal import CrossmodalPolicy
 from .modeling_crosst5_autoencoder import load_autoencoder
@@ -52,6 +52,10 @@ class CrossT5Policy(CrossmodalPolicy):
         Args:
             texts: One per sample.
             batch: May hold an observation: the camera's frames and the pose in `observation.state`, scaled.
+
+        Raises:
+            ValueError: If a text is too long.
         """
+        check_texts(texts, "`texts`")
         features = None if batch is None else self.visual.encode(batch, texts).features[:, :1]
         return self._answer([repeat_language_prompt(text) for text in texts], features, batch)

@@ -2,6 +2,7 @@
 """What stops a policy: numbers that no robot may act on, and no training may learn from."""
 
 from collections.abc import Mapping
+from reprlib import repr as shortened
 from typing import Any
 
 from lerobot.utils.constants import OBS_STATE
@@ -37,11 +38,13 @@ def read_tasks(batch: Mapping[str, Any]) -> list[str]:
     Raises:
         ValueError: If there is not one text for each sample.
     """
+    if OBS_STATE not in batch:
+        raise ValueError(f"The batch lacks '{OBS_STATE}', the positions of the robot's joints.")
     tasks, samples = batch.get("task"), len(batch[OBS_STATE])
     if not isinstance(tasks, list | tuple) or [type(task) for task in tasks] != [str] * samples:
         raise ValueError(
             f"'task' must be a list with one command for each of the {samples} samples of the batch, such as "
-            f"'push the red cube', and is {tasks!r}."
+            f"'push the red cube', and is {shortened(tasks)}."
         )
     return [*tasks]
 

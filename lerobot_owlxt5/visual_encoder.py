@@ -24,6 +24,9 @@ DESCRIBE_THRESHOLD_SHARE = 0.5
 GONE = 0.5
 # Every so many pixels of a row and rows of an image are compared.
 PIXEL_STRIDE = 8
+# A place where nothing is seen any more may be hidden. What moved is seen elsewhere: with this share of the
+# detector's threshold, and with less than this share of its box in the old one, which would be what is left.
+SEEN_ELSEWHERE, INSIDE = 0.4, 0.7
 # A feature that varies less than this is not blown up.
 SMALLEST_RANGE = 1e-6
 
@@ -62,6 +65,9 @@ class VisualEncoder(Protocol):
     """
 
     names_objects: bool
+
+    def can_read(self, names: Sequence[str]) -> bool:
+        """Whether names that are looked for together are short enough; not asked unless `names_objects`."""
 
     def encode(self, batch: Mapping[str, Any], names: Sequence[str]) -> VisualInput:
         """Look at a batch's images: one step, or all steps of finished episodes.
@@ -105,6 +111,10 @@ class ObjectPoint:
         self._first_frames: dict[int, int] = {}
         self._frames_change = False
 
+    def can_read(self, names: Sequence[str]) -> bool:
+        """See `VisualEncoder`."""
+        return self.detector.can_read(names)
+
     def encode(self, batch: Mapping[str, Any], names: Sequence[str]) -> VisualInput:
         """See `VisualEncoder`; of several steps the first counts."""
         return self._input(self.detector(observation_at(batch, 0), [[name] for name in names]))
@@ -132,6 +142,7 @@ class ObjectPoint:
         The detector looks for all labels in the first image, and in the last one at the same places. The
         label whose score there has fallen to the smallest share counts. That is our reading of the paper,
         whose prompt names no object. Of several labels for one object the one with the best score stands.
+        An arm may hide a place, so the object must also be seen elsewhere, where no other one was.
         """
         first, last = observation_at(batch, 0), observation_at(batch, -1)
         asked = [list(labels)] * len(batch[ACTION])
@@ -139,7 +150,12 @@ class ObjectPoint:
         after = self.detector(last, asked, near=before.centre)
         known = _best_label(before) & (before.score >= DESCRIBE_THRESHOLD_SHARE * self.detector.threshold)
         still_there, index = torch.where(known, after.score / before.score, 1.0).min(dim=1)
-        moved = still_there < GONE
+        others = known[:, None] & ~same_place(before.centre[:, :, None], before.centre[:, None])
+        away = torch.where(others[..., None], before.centre[:, None], torch.inf)
+        elsewhere = self.detector(last, asked, away=away)
+        seen = elsewhere.score >= SEEN_ELSEWHERE * self.detector.threshold
+        seen &= elsewhere.share_inside(before) < INSIDE
+        moved = (still_there < GONE) & seen.gather(1, index[:, None])[:, 0]
         point = self._points(before).gather(1, index[:, None, None].expand(-1, -1, 2))
         features = torch.where(moved[:, None, None], point, 0.0)
         return MovedObjects(features, moved, [labels[each] for each in index.tolist()])
@@ -195,6 +211,10 @@ class AutoencoderFeatures(nn.Module):
         self._steps = max_episode_steps
         self._cache: dict[int, Tensor] = {}
 
+    def can_read(self, names: Sequence[str]) -> bool:
+        """See `VisualEncoder`: no name is looked for."""
+        return True
+
     def encode(self, batch: Mapping[str, Any], names: Sequence[str]) -> VisualInput:
         """See `VisualEncoder`: one frame, or an episode's frames, (batch, 1 or L, 30)."""
         images: Tensor = batch[self._camera]
@@ -213,9 +233,11 @@ class AutoencoderFeatures(nn.Module):
         """
         indices = batch["episode_index"].flatten().tolist()
         if not self._cache:
-            camera = episodes.find_camera(indices, at_step(batch[self._camera], 0))
+            camera = episodes.frames.find_camera(indices, at_step(batch[self._camera], 0))
             step = torch.arange(self._steps)
-            frames = tqdm(episodes.frames(camera), "Encoding all frames", total=len(episodes), unit="episode")
+            frames = tqdm(
+                episodes.frames.read(camera), "Encoding all frames", total=len(episodes), unit="episode"
+            )
             self._cache = {
                 episode: self.autoencoder.encode_frames(images)[step.clamp(max=len(images) - 1)]
                 for episode, images in frames

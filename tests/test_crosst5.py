@@ -87,7 +87,7 @@ def test_images_of_any_size_and_type_are_seen_alike() -> None:
 def test_reading_all_frames_gives_what_the_data_set_gives(folder: Path, dataset: LeRobotDataset) -> None:
     """Video and images; the features that training remembers are those that the policy sees in a batch."""
     for whole in (LeRobotDataset("local/clant", root=folder / "data"), dataset):
-        episodes = dict(EpisodeStore(whole.meta).frames(EYES))
+        episodes = dict(EpisodeStore(whole.meta).frames.read(EYES))
         assert list(episodes) == list(range(whole.num_episodes))
         for episode in (0, whole.num_episodes - 1):
             row = whole.meta.episodes[episode]
@@ -100,10 +100,10 @@ def test_reading_all_frames_gives_what_the_data_set_gives(folder: Path, dataset:
 def test_a_frame_may_be_off_its_time_by_less_than_half_a_frame(folder: Path) -> None:
     """Whatever --tolerance_s says: LeRobot does not tell a policy."""
     meta = LeRobotDatasetMetadata("local/clant", root=folder / "data")
-    [(_, expected)] = EpisodeStore(meta).frames(EYES, [1])
+    [(_, expected)] = EpisodeStore(meta).frames.read(EYES, [1])
     start = f"videos/{EYES}/from_timestamp"
     meta.episodes = meta.episodes.map(lambda row: {start: row[start] + 0.002})
-    [(episode, frames)] = EpisodeStore(meta).frames(EYES, [1])
+    [(episode, frames)] = EpisodeStore(meta).frames.read(EYES, [1])
     assert episode == 1 and torch.equal(frames, expected)
 
 
@@ -138,7 +138,7 @@ def test_the_autoencoder_learns_to_reconstruct_frames(folder: Path) -> None:
     torch.manual_seed(0)
     config = CrossT5AutoencoderConfig(optimizer_lr=4e-3, device="cpu", push_to_hub=False)
     policy = lerobot_make_policy(config, ds_meta=meta)
-    frames = torch.cat([frames for _, frames in EpisodeStore(meta).frames(EYES)])[::200] / 255
+    frames = torch.cat([frames for _, frames in EpisodeStore(meta).frames.read(EYES)])[::200] / 255
     mean_image = 255 * frames.std(dim=0, correction=0).square().mean().sqrt().item()
     optimizer = policy.config.get_optimizer_preset().build(policy.get_optim_params())
     policy.train()
@@ -170,7 +170,7 @@ def test_a_checkpoint_holds_core_and_autoencoder(
 
     policy.save_pretrained(tmp_path)
     stored = {key.split(".")[0] for key in load_file(tmp_path / "model.safetensors")}
-    assert stored == {"model", "visual", "training_seed", "rest_pose"}
+    assert stored == {"model", "visual", "training_seed", "rest_pose", "rest_tolerance"}
     config = json.loads((tmp_path / "config.json").read_text())
     (tmp_path / "config.json").write_text(json.dumps(config | {"autoencoder": "/gone"}))
     loaded = CrossT5Policy.from_pretrained(tmp_path, strict=True)

@@ -100,6 +100,9 @@ class WholeImage:
     def __init__(self, model: Any, processor: Any) -> None:
         self.model = model
 
+    def can_read(self, names: Sequence[str]) -> bool:
+        return True
+
     def __call__(self, images: Tensor, names: Sequence[Sequence[str]]) -> Candidates:
         box = torch.tensor([0.0, 0.0, 1.0, 1.0]).expand(len(images), 1, 4)
         return Candidates(box, torch.ones(len(images), 1, len(names[0])))

@@ -23,7 +23,9 @@ from clant_claeo.demonstrations import from_release, scripted
 from clant_claeo.release import Release
 from clant_claeo.wordings import wordings
 from commands import run, run_anyway
+from lerobot_owlxt5.commands.parser import name_problem
 from nico_tabletop.configuration import ClaeoEnvConfig
+from nico_tabletop.contact_sheet import tiles
 from nico_tabletop.env import NAME_BYTES, TabletopEnv
 from nico_tabletop.objects import (
     CUBE_HALF_WIDTH,
@@ -178,6 +180,101 @@ def test_a_mesh_may_be_an_obj_and_scales_multiply(tmp_path: Path):
     np.testing.assert_allclose(points.min(axis=0), [0, 0, -CUBE_HALF_WIDTH], atol=1e-8)
 
 
+def write_textured_cube(folder: Path) -> None:
+    """`cube.obj`, 4 cm wide on the table, whose texture's upper half is at its upper half: red over blue."""
+    corners = [
+        (x, y, z) for z in (0, 0.04) for x, y in ((-0.02, -0.02), (0.02, -0.02), (0.02, 0.02), (-0.02, 0.02))
+    ]
+    sides = [(k, (k + 1) % 4, (k + 1) % 4 + 4, k + 4) for k in range(4)]
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + ["vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1"]
+    for quad in [*sides, (3, 2, 1, 0), (4, 5, 6, 7)]:
+        a, b, c, d = (f"{corner + 1}/{place}" for place, corner in enumerate(quad, 1))
+        lines += [f"f {a} {b} {c}", f"f {a} {c} {d}"]
+    (folder / "cube.obj").write_text("\n".join(lines))
+    pixels = np.zeros((64, 64, 3), dtype=np.uint8)
+    pixels[:32, :, 0] = pixels[32:, :, 2] = 255
+    Image.fromarray(pixels).save(folder / "cube.png")
+
+
+TEXTURED = {"mesh": {"file": "cube.obj", "texture": "cube.png"}}
+
+
+def test_a_textured_mesh_is_drawn_with_its_texture(tmp_path: Path):
+    write_textured_cube(tmp_path)
+    read(change(*PART, to=TEXTURED), tmp_path)
+    env = TabletopEnv("PUSH-M", str(tmp_path / "set.yaml"), HEIGHT, WIDTH)
+    observation, _ = env.reset(options={"arrangement": ("stick", "marble", "dish")})
+    x0, y0, x1, y1 = observation["objects"].reshape(3, -1)[1, :4] * [WIDTH, HEIGHT, WIDTH, HEIGHT]
+    # The lower half of its box shows the side that faces the robot.
+    side = observation["pixels"][EYES][round((y0 + y1) / 2) : round(y1) - 2, round(x0) + 4 : round(x1) - 4]
+    env.close()
+    (_, image), *_ = tiles(str(tmp_path / "set.yaml"))
+    for pixels in (side.astype(int), np.array(image).astype(int)):
+        red, blue = pixels[..., 0] - pixels[..., 2] > 80, pixels[..., 2] - pixels[..., 0] > 60
+        assert min(red.mean(), blue.mean()) > 0.02
+        assert np.nonzero(red)[0].mean() < np.nonzero(blue)[0].mean()
+
+
+def test_a_colour_tints_a_texture(tmp_path: Path):
+    write_textured_cube(tmp_path)
+    (item, *_) = read(change(*PART, to=TEXTURED | {"color": [1, 0.5, 0.5, 0.5]}), tmp_path)
+    assert item.parts[0].rgba == (1, 0.5, 0.5, 0.5)
+
+
+ROBOSUITE = {
+    "can": {"file": "can.obj", "texture": "soda.png", "height": 0.04},
+    "milk": {"file": "milk.obj", "texture": "ceramic.png", "height": 0.068},
+    "cereal": {"file": "cereal.obj", "texture": "cereal.png", "height": 0.075},
+    "bread": {"file": "bread.obj", "texture": "bread.png", "height": 0.029},
+    "lemon": {"file": "lemon.obj", "texture": "lemon.png", "height": 0.02},
+    "bottle": {"file": "bottle.obj", "texture": "glass.png", "height": 0.065},
+}
+
+
+def test_the_meshes_of_others_are_drawn_with_their_textures(tmp_path: Path):
+    """Robosuite's, where it is installed; the height is that of the mesh's origin over its foot."""
+    assets = Path(pytest.importorskip("robosuite").__file__).parent / "models" / "assets"
+    objects = [
+        {
+            "name": name,
+            "synonyms": [f"other {name}"],
+            "parts": [
+                {
+                    "mesh": {
+                        "file": str(assets / "objects" / "meshes" / each["file"]),
+                        "texture": str(assets / "textures" / each["texture"]),
+                    },
+                    "position": [0, 0, each["height"]],
+                }
+            ],
+        }
+        for name, each in ROBOSUITE.items()
+    ]
+    read({"objects": objects}, tmp_path)
+    for name, image in tiles(str(tmp_path / "set.yaml")):
+        height, width = image.height, image.width
+        middle = image.crop((width // 2 - 20, height // 2, width // 2 + 20, height - 20))
+        assert len(middle.getcolors(10_000) or range(10_000)) > 50, name
+
+
+@pytest.mark.parametrize("name", ["it", "left", "please", "to go cup", "arrow up", "me", "or gate"])
+@pytest.mark.parametrize("key", ["name", "synonyms"])
+def test_a_name_that_no_command_can_have_is_refused(tmp_path: Path, name: str, key: str):
+    with pytest.raises(ObjectsError) as caught:
+        read(change(*FIRST, key, to=name if key == "name" else ["a marble", name]), tmp_path)
+    place = (
+        f"{tmp_path / 'set.yaml'}, object {name if key == 'name' else 'marble'!r}: {name!r} cannot be a name"
+    )
+    assert str(caught.value).startswith(place)
+    assert f"the command 'push {name}' would not be understood" in str(caught.value)
+
+
+@pytest.mark.parametrize("shipped", SHIPPED)
+def test_commands_about_shipped_objects_are_understood(shipped: str):
+    names = [name for item in read_objects(shipped) for name in (item.name, *item.synonyms)]
+    assert [name_problem(name) for name in names] == len(names) * [""]
+
+
 def change(*path: Any, to: Any) -> dict[str, Any]:
     """The faultless document with one value replaced, or removed if `to` is None."""
     document = plain()
@@ -229,6 +326,11 @@ PART = (*FIRST, "parts", 0)
         (change(*PART, to={"mesh": {"file": "gone.obj"}, "color": [1, 1, 1]}), "file: there is no file"),
         (change(*PART, to={"mesh": {"file": "a.blend"}, "color": [1, 1, 1]}), "name of an OBJ or STL file"),
         (change(*PART, to={"mesh": {"file": "set.obj"}, "color": [1, 1, 1]}), "MuJoCo cannot build it"),
+        (change(*PART, to={"mesh": {"file": "set.obj"}}), "part 1: color is missing"),
+        (change(*PART, to={"mesh": {"file": "set.obj", "texture": "gone.png"}}), "texture: there is no file"),
+        (change(*PART, to={"mesh": {"file": "set.obj", "texture": "a.jpg"}}), "the name of a PNG file"),
+        (change(*PART, to={"mesh": {"file": "set.obj", "texture": "set.png"}}), "has no texture coordinates"),
+        (change(*PART, to={"mesh": {"file": "cube.obj", "texture": "set.png"}}), "MuJoCo cannot build it"),
         (change(*PART, to={"capsule": {"radius": 0.02, "height": 0.03}, "color": [1, 1, 1]}), "round ends"),
         (change("objects", 1, "parts", 0, "tube", "path", to=[[0, 0.01], [0, 0.01]]), "turns back on itself"),
         (change("objects", 1, "parts", 0, "tube", "path", to=[[0, 0.01]]), "two or more points"),
@@ -236,7 +338,9 @@ PART = (*FIRST, "parts", 0)
     ],
 )  # fmt: skip
 def test_a_fault_is_named_with_its_place(tmp_path: Path, document: object, message: str):
-    (tmp_path / "set.obj").write_text("this is no mesh")
+    write_textured_cube(tmp_path)
+    for unreadable in ("set.obj", "set.png"):
+        (tmp_path / unreadable).write_text("this is no mesh and no image")
     with pytest.raises(ObjectsError, match=re.escape(message)) as caught:
         read(document, tmp_path)
     assert str(tmp_path / "set.yaml") in str(caught.value)

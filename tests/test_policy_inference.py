@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The policy on a robot, and the modes that speak."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
@@ -12,12 +14,16 @@ from lerobot.datasets import LeRobotDataset
 from lerobot.policies.factory import make_pre_post_processors
 
 from lerobot_owlxt5.backbones.detections import Detections
+from lerobot_owlxt5.commands.instruction import TOO_FAR, TOO_LONG
+from lerobot_owlxt5.commands.parser import parse_command
 from lerobot_owlxt5.data.normalization import share_joint_range
+from lerobot_owlxt5.data.start_pose import NEAR, start_tolerance
 from policy_helpers import (
     ENDS,
     EYES,
     HORIZON,
     load_batch,
+    make_grounding_dino,
     make_owlv2,
     make_policy,
     observe,
@@ -58,6 +64,100 @@ def test_an_empty_command_moves_nothing_even_if_it_was_trained(t5: Path, task: s
     plan = policy.predict_action_chunk(batch)
     assert (plan == batch["observation.state"][:, None]).all()
     assert policy.responses == ["What should I do?"]
+
+
+def test_a_new_task_gets_a_new_plan_and_the_other_environment_goes_on(t5: Path) -> None:
+    policy = make_policy(t5)
+    before, after = observe(["push red", "pull ball"]), observe(["push red", "push mug"])
+    going_on, new = policy.predict_action_chunk(before)[0], policy.predict_action_chunk(after)[1]
+    assert not torch.equal(new, policy.predict_action_chunk(before)[1])
+    for _ in range(3):
+        policy.select_action(before)
+    assert policy.responses == ["I will push the red cube.", "I will pull the ball."]
+    for step in range(3):
+        action = policy.select_action(after)
+        assert torch.equal(action, torch.stack([going_on[3 + step], new[step]]))
+    assert policy.responses == ["I will push the red cube.", "I will push the mug."]
+    # Other environments than before.
+    alone = observe(["push red"])
+    first = policy.predict_action_chunk(alone)[:, 0]
+    assert torch.equal(policy.select_action(alone), first)
+    policy.select_action(alone)
+    policy.drop_queued_actions()
+    assert policy.responses == []
+    assert torch.equal(policy.select_action(alone), first)
+
+
+def test_a_plan_begins_where_those_of_the_training_data_do(t5: Path) -> None:
+    policy = make_policy(t5)
+    batch = observe(["push red", "push red", "dance wildly"])
+    policy.rest_pose = batch["observation.state"][0].clone()
+    policy.rest_tolerance = torch.linspace(0.1, 1.0, 10)
+    batch["observation.state"] = policy.rest_pose + 0.99 * policy.rest_tolerance * torch.ones(3, 1)
+    batch["observation.state"][1, 4] += 0.1
+    plan = policy.predict_action_chunk(batch)
+    assert policy.responses == ["I will push the red cube.", TOO_FAR, "I do not know how to dance wildly."]
+    assert torch.equal(plan[1], batch["observation.state"][1].clamp(-1, 1).expand(HORIZON, -1))
+    assert not torch.equal(plan[0, 0], batch["observation.state"][0].clamp(-1, 1))
+
+
+def test_first_poses_that_vary_are_all_near() -> None:
+    poses = np.array([[0.0, -0.3], [0.0, 0.3]])
+    # The first joint hardly moves: what is 0.02 for the second one is 2 for the first.
+    assert start_tolerance(poses, np.array([1.0, 100.0])) == pytest.approx([2.0, 0.4])
+
+
+def test_a_checkpoint_from_before_holds_still_in_doubt(t5: Path) -> None:
+    policy = make_policy(t5)
+    weights = {key: value for key, value in policy.state_dict().items() if key != "rest_tolerance"}
+    policy.load_state_dict(weights)
+    assert torch.equal(policy.rest_tolerance, torch.full((10,), NEAR))
+
+
+NAMES = ("ball", "right ball", "upper left ball", "back up ball", "down left away shoe", "pulling push mug")
+
+
+@pytest.mark.parametrize(
+    "phrase", ["push {}", "pull the {}!", "slide-to-left {}", "slide the {} to the right"]
+)
+def test_no_word_of_a_name_turns_a_movement(t5: Path, monkeypatch: pytest.MonkeyPatch, phrase: str) -> None:
+    """The detector looks for the name, the robot speaks of it, and the prompt has another one."""
+    policy = make_policy(t5, tasks=["push blue", "pull red", "pull blue", "Slide the mug to the left."])
+    asked = record_prompts(policy, monkeypatch)
+    plans = [policy.predict_action_chunk(observe([phrase.format(name)], [[name, "", ""]])) for name in NAMES]
+    assert all(torch.equal(plan, plans[0]) for plan in plans)
+    expected = {"push": "push blue", "pull": "pull blue", "slide-to-left": "Slide the mug to the left."}
+    verb = parse_command(phrase.format("ball")).verb or ""
+    assert {*asked} == {f"execute: {expected.get(verb, 'slide to right blue')}"}
+    assert NAMES[-1] in policy.responses[0]
+
+
+def test_a_text_that_is_too_long_reaches_no_model(t5: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    policy = make_policy(t5)
+    asked = record_prompts(policy, monkeypatch)
+    batch = observe(["push " + 20_000 * "e", "push red"])
+    plan = policy.predict_action_chunk(batch)
+    assert policy.responses == [TOO_LONG, "I will push the red cube."]
+    assert torch.equal(plan[0], batch["observation.state"][0].expand(HORIZON, -1))
+    assert max(map(len, asked)) < 30
+    for give in (policy.translate, lambda texts: policy.describe(observe_finished(), labels=texts)):
+        with pytest.raises(ValueError, match=r"at most 500 characters, but 'eee.*has 501: shorten it"):
+            give([501 * "e"])
+        with pytest.raises(ValueError, match="must be given as a list of texts, and is 'mug'"):
+            give("mug")
+
+
+@pytest.mark.parametrize("make", [make_owlv2, make_grounding_dino])
+def test_a_name_that_the_detector_cannot_read_is_not_looked_for(
+    t5: Path, tmp_path: Path, make: Callable[[Path], Path]
+) -> None:
+    policy = make_policy(t5, detector=str(make(tmp_path)), score_threshold=0.0)
+    name = " ".join(20 * ["mug"])
+    batch = observe([f"push the {name}"])
+    assert torch.equal(policy.select_action(batch), batch["observation.state"])
+    assert policy.responses == [f"I cannot look for a name as long as '{name}': use fewer words."]
+    with pytest.raises(ValueError, match="cannot look for a name as long as 'mug mug"):
+        policy.describe(observe_finished(), labels=[name])
 
 
 def test_what_cannot_be_done_is_said_and_not_guessed(t5: Path) -> None:
@@ -135,6 +235,9 @@ def test_a_robot_without_a_task_is_told_what_is_missing(t5: Path, task: object) 
         make_policy(t5).select_action(batch)
     del batch["task"]
     with pytest.raises(ValueError, match="and is None"):
+        make_policy(t5).select_action(batch)
+    del batch["observation.state"]
+    with pytest.raises(ValueError, match=r"lacks 'observation\.state'"):
         make_policy(t5).select_action(batch)
 
 
@@ -244,10 +347,19 @@ def test_describe_takes_what_is_gone_from_its_place(
         threshold = 0.3
         revision = None
 
+        def can_read(self, names: object) -> bool:
+            return True
+
         def __call__(
-            self, observation: object, names: object, near: torch.Tensor | None = None
+            self,
+            observation: object,
+            names: object,
+            near: torch.Tensor | None = None,
+            away: torch.Tensor | None = None,
         ) -> Detections:
             box = torch.tensor([[[x, 0.5, x, 0.5] for x in places]])
+            if away is not None:
+                return Detections(box + 0.3, torch.tensor([[0.2, 0.2]]))
             assert near is None or torch.equal(near, box[..., :2])
             return Detections(box, torch.tensor([before if near is None else after]))
 
@@ -261,6 +373,37 @@ def test_describe_takes_what_is_gone_from_its_place(
         assert texts != ["nothing moved"]
     else:
         assert texts == ["nothing moved"]
+
+
+@pytest.mark.parametrize(
+    ("box", "score", "moved"),
+    [
+        pytest.param((0.5, 0.4, 0.6, 0.5), 0.2, True, id="beside its place"),
+        pytest.param((0.5, 0.4, 0.6, 0.5), 0.1, False, id="hardly seen"),
+        pytest.param((0.4, 0.4, 0.43, 0.5), 0.9, False, id="the arm leaves a part of it to see"),
+    ],
+)
+def test_a_hidden_place_is_not_an_empty_one(
+    t5: Path, monkeypatch: pytest.MonkeyPatch, box: tuple[float, ...], score: float, moved: bool
+) -> None:
+    class Hidden:
+        """Sees the only object well in the first image, not at its place in the last, and so elsewhere."""
+
+        threshold = 0.3
+
+        def can_read(self, names: object) -> bool:
+            return True
+
+        def __call__(
+            self, observation: object, names: object, near: object = None, away: object = None
+        ) -> Detections:
+            if away is not None:
+                return Detections(torch.tensor([[box]]), torch.tensor([[score]]))
+            return Detections(torch.tensor([[[0.4, 0.4, 0.5, 0.5]]]), torch.tensor([[0.9 * (near is None)]]))
+
+    policy = make_policy(t5)
+    monkeypatch.setattr(policy.visual, "detector", Hidden())
+    assert (policy.describe(observe_finished(), labels=["red"]) != ["nothing moved"]) == moved
 
 
 def test_describe_needs_to_know_what_to_look_for(t5: Path) -> None:

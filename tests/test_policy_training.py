@@ -390,7 +390,7 @@ def test_a_checkpoint_holds_what_was_trained(
     policy.save_pretrained(tmp_path)
     stored = {".".join(key.split(".")[:2]) for key in load_file(tmp_path / "model.safetensors")}
     learned = {"model.core", "model.language_model"} if trained_along else {"model.core"}
-    assert stored == {"training_seed", "rest_pose"} | learned
+    assert stored == {"training_seed", "rest_pose", "rest_tolerance"} | learned
     batch = observe(["push red", "pull ball"])
     for strict in (False, True):
         loaded = OWLxT5Policy.from_pretrained(tmp_path, strict=strict)

@@ -5,6 +5,7 @@ Every object has the physics of CLANT's cube (paper, section 4): an unseen box c
 contacts. What the camera sees are the coloured parts that the file names.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -50,10 +51,17 @@ SHIPPED = ("clant", "claeo", "household")
 everyday objects that neither has.
 """
 
+NAME_CHECKS: list[Callable[[str], str]] = []
+"""What else a name must pass: each says what is wrong with a name, or "".
+
+The world has commands in CLANT's words alone. Who reads commands adds here what it does not understand.
+"""
+
 _FOLDER = Path(__file__).with_name("objects")
 # What an object may fill: it must fit between its neighbours and under the robot's eyes (our decision).
 _REACH, _TALLEST, _SMALLEST, _SUNK = 0.06, 0.2, 0.01, 0.001
 _ARC_POINTS = 17
+_TEXTURE_COORDINATES = re.compile(rb"^vt\s", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -141,6 +149,8 @@ def _read(path: Path) -> tuple[TabletopObject, ...]:
         for name in (item.name, *item.synonyms):
             if name in taken:
                 raise value.error(f"{name!r} is a name or synonym already; each may stand only once")
+            for problem in filter(None, (check(name) for check in NAME_CHECKS)):
+                raise value.error(f"{name!r} cannot be a name, because {problem}; choose another one")
             taken.add(name)
         _check_size(value, item)
     return objects
@@ -165,16 +175,21 @@ def _factor(keys: dict[str, Value]) -> float:
 
 
 def _part(value: Value, folder: Path) -> Part:
-    keys = value.mapping(("color",), ("position", "rotation", *_SHAPES))
+    keys = value.mapping((), ("color", "position", "rotation", *_SHAPES))
     shapes = [kind for kind in _SHAPES if kind in keys]
     if len(shapes) != 1:
         raise value.error(
             f"a part has exactly one of {', '.join(_SHAPES)}; got {', '.join(shapes) or 'none'}"
         )
-    red, green, blue, *opacity = keys["color"].numbers(3, 4, least=0, most=1)
-    rgba: Rgba = (red, green, blue, *(opacity or [1.0]))  # type: ignore[assignment]  # three and one are four
+    shape = _SHAPES[shapes[0]](keys[shapes[0]], folder)
+    rgba: Rgba = (1.0, 1.0, 1.0, 1.0)
+    if not (isinstance(shape, Mesh) and shape.texture) or "color" in keys:
+        red, green, blue, *opacity = value.mapping(("color",), tuple(keys))["color"].numbers(
+            3, 4, least=0, most=1
+        )
+        rgba = (red, green, blue, *(opacity or [1.0]))  # type: ignore[assignment]  # three and one are four
     places = {key: keys[key].numbers(3) for key in ("position", "rotation") if key in keys}
-    return Part(_SHAPES[shapes[0]](keys[shapes[0]], folder), rgba, **places)
+    return Part(shape, rgba, **places)
 
 
 def _lathe(value: Value, _: Path) -> Lathe:
@@ -227,14 +242,26 @@ def _capsule(value: Value, _: Path) -> Capsule:
 
 
 def _mesh(value: Value, folder: Path) -> Mesh:
-    keys = value.mapping(("file",), ("scale",))
-    name = keys["file"].content
-    if not isinstance(name, str) or Path(name).suffix.lower() not in (".obj", ".stl"):
-        raise keys["file"].error(f"expected the name of an OBJ or STL file; got {name!r}")
+    keys = value.mapping(("file",), ("scale", "texture"))
+    file = _file(keys["file"], folder, "an OBJ or STL", ".obj", ".stl")
+    if "texture" not in keys:
+        return Mesh(file, _factor(keys))
+    texture = _file(keys["texture"], folder, "a PNG", ".png")
+    if file.suffix.lower() != ".obj" or not _TEXTURE_COORDINATES.search(file.read_bytes()):
+        raise keys["texture"].error(
+            f"{file} has no texture coordinates; export the mesh as an OBJ file that has them (lines `vt`)"
+        )
+    return Mesh(file, _factor(keys), texture)
+
+
+def _file(value: Value, folder: Path, kind: str, *suffixes: str) -> Path:
+    name = value.content
+    if not isinstance(name, str) or Path(name).suffix.lower() not in suffixes:
+        raise value.error(f"expected the name of {kind} file; got {name!r}")
     file = (folder / name).resolve()
     if not file.is_file():
-        raise keys["file"].error(f"there is no file {file}; names are relative to the YAML file")
-    return Mesh(file, _factor(keys))
+        raise value.error(f"there is no file {file}; names are relative to the YAML file")
+    return file
 
 
 _SHAPES: dict[str, Callable[[Value, Path], Shape]] = {

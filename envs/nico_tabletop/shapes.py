@@ -68,10 +68,14 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A mesh file that MuJoCo reads (OBJ, binary STL), and the factor from its unit to metres."""
+    """A mesh file that MuJoCo reads (OBJ, binary STL), the factor from its unit to metres, and what is on it.
+
+    A texture (PNG) needs an OBJ file with texture coordinates. The part's colour tints it.
+    """
 
     file: Path
     scale: float
+    texture: Path | None = None
 
 
 Shape = Lathe | Tube | Box | Ellipsoid | Cylinder | Capsule | Mesh
@@ -165,11 +169,11 @@ def _primitive(shape: Box | Ellipsoid | Cylinder | Capsule, scale: float) -> dic
 def add_part(
     part: Part, name: str, *, scale: float, table: float, look: dict[str, str], body: Element, asset: Element
 ) -> None:
-    """Add a geom to `body` and, if it has one, its mesh `name` to `asset`.
+    """Add a geom to `body` and, if it has them, its mesh, texture and material `name` to `asset`.
 
     Args:
         part: What to draw, its rotation in a model with angles in radians and fixed axes (`eulerseq="XYZ"`).
-        name: Of the mesh.
+        name: Of mesh, texture and material.
         scale: Factor for all lengths.
         table: Height of the table in the body's frame, metres.
         look: Further attributes of the geom.
@@ -184,6 +188,10 @@ def add_part(
         # As shells, open surfaces have an inertia too, as MuJoCo demands.
         SubElement(asset, "mesh", {"name": name, "inertia": "shell"} | _mesh(part.shape, scale))
         geom |= {"type": "mesh", "mesh": name}
+        if isinstance(part.shape, Mesh) and part.shape.texture:
+            SubElement(asset, "texture", name=name, type="2d", file=str(part.shape.texture))
+            SubElement(asset, "material", name=name, texture=name)
+            geom["material"] = name
     else:
         geom |= _primitive(part.shape, scale)
     SubElement(body, "geom", geom)

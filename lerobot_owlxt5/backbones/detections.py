@@ -28,6 +28,13 @@ class Detections(NamedTuple):
         """Middle of the box, (batch, names, 2), x and y."""
         return (self.box[..., :2] + self.box[..., 2:]) / 2
 
+    def share_inside(self, other: "Detections") -> Tensor:
+        """Which share of each box lies inside the other one of the same name, (batch, names)."""
+        low = torch.maximum(self.box[..., :2], other.box[..., :2])
+        high = torch.minimum(self.box[..., 2:], other.box[..., 2:])
+        area = (self.box[..., 2:] - self.box[..., :2]).prod(dim=-1)
+        return (high - low).clamp(min=0).prod(dim=-1) / area.clamp(min=1e-9)
+
     def foot(self, nadir: float | None) -> Tensor:
         """Where upright objects touch the table: in the box's lower edge, under its middle.
 
@@ -58,11 +65,15 @@ class Detector(Protocol):
     threshold: float
     revision: str | None
 
+    def can_read(self, names: Sequence[str]) -> bool:
+        """Whether names that are looked for together are short enough to be read to their end."""
+
     def __call__(
         self,
         observation: Mapping[str, Any],
         names: Sequence[Sequence[str]],
         near: Tensor | None = None,
+        away: Tensor | None = None,
     ) -> Detections:
         """Detect.
 
@@ -71,6 +82,7 @@ class Detector(Protocol):
             names: For each sample, the names to look for; the same number for each sample.
             near: (batch, names, 2), shares of the image: only boxes whose centre is at this place count,
                 `SAME_PLACE` about it.
+            away: (batch, names, places, 2): boxes whose centre is at one of these places do not count.
         """
 
 

@@ -21,11 +21,16 @@ class GroundTruthDetector:
     threshold = 0.5
     revision: str | None = None
 
+    def can_read(self, names: Sequence[str]) -> bool:
+        """See `detections.Detector`: names are compared as they are."""
+        return True
+
     def __call__(
         self,
         observation: Mapping[str, Any],
         names: Sequence[Sequence[str]],
         near: Tensor | None = None,
+        away: Tensor | None = None,
     ) -> Detections:
         """Detect: see `detections.Detector`.
 
@@ -46,7 +51,12 @@ class GroundTruthDetector:
         index = slot.clamp(min=0)
         score = (slot >= 0) & visible.gather(1, index)
         found = Detections(boxes.gather(1, index[..., None].expand(-1, -1, BOX_NUMBERS)), score.float())
-        return found if near is None else found._replace(score=found.score * same_place(found.centre, near))
+        counts = found.score
+        if near is not None:
+            counts = counts * same_place(found.centre, near)
+        if away is not None:
+            counts = counts * ~same_place(found.centre[:, :, None], away).any(dim=-1)
+        return found._replace(score=counts)
 
 
 def _find(name: str, present: Sequence[str]) -> int:

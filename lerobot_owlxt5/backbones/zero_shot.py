@@ -49,9 +49,14 @@ class OwlCandidates:
         self.processor = processor
         self._pads = model.config.model_type == "owlv2"
 
+    def can_read(self, names: Sequence[str]) -> bool:
+        """Whether no name is longer than what the model reads: it would see the beginning alone."""
+        longest = self.model.config.text_config.max_position_embeddings
+        return all(len(self.processor.tokenizer(_query(name))["input_ids"]) <= longest for name in names)
+
     def __call__(self, images: Tensor, names: Sequence[Sequence[str]]) -> Candidates:
         """Propose boxes in images (batch, 3, height, width) in [0, 1]."""
-        queries = [[f"a photo of a {name}" for name in asked] for asked in names]
+        queries = [[_query(name) for name in asked] for asked in names]
         inputs = self.processor(
             text=queries, images=list(images), do_rescale=False, truncation=True, return_tensors="pt"
         )
@@ -73,14 +78,27 @@ class GroundingDinoCandidates:
         self.processor = processor
         self._full_stop = processor.tokenizer.convert_tokens_to_ids(".")
 
+    def can_read(self, names: Sequence[str]) -> bool:
+        """Whether the caption with all the names is no longer than what the model reads."""
+        return len(self.processor.tokenizer(_caption(names))["input_ids"]) <= self.model.config.max_text_len
+
     def __call__(self, images: Tensor, names: Sequence[Sequence[str]]) -> Candidates:
-        """Propose boxes in images (batch, 3, height, width) in [0, 1]; a name's best token counts."""
-        captions = [" ".join(f"{name} ." for name in asked) for asked in names]
+        """Propose boxes in images (batch, 3, height, width) in [0, 1]; a name's best token counts.
+
+        Raises:
+            ValueError: If there are too many names for a caption.
+        """
+        captions = [_caption(asked) for asked in names]
         inputs = self.processor(
             text=captions, images=list(images), do_rescale=False, padding=True, return_tensors="pt"
         ).to(images.device)
         outputs = self.model(**inputs)
         tokens = inputs["input_ids"]
+        if tokens.shape[1] > outputs.logits.shape[-1]:
+            raise ValueError(
+                f"{len(names[0])} names are too many words for the detector, which reads captions of "
+                f"{outputs.logits.shape[-1]} tokens: look for fewer or shorter ones."
+            )
         ends = tokens == self._full_stop
         # Which name a token belongs to; the full stops and what begins and ends a caption belong to none.
         name = (ends.cumsum(dim=1) - ends.long()).masked_fill(ends | (inputs["attention_mask"] == 0), -1)
@@ -92,6 +110,14 @@ class GroundingDinoCandidates:
         ]
         middle, half = outputs.pred_boxes[..., :2], outputs.pred_boxes[..., 2:] / 2
         return Candidates(torch.cat([middle - half, middle + half], dim=-1), torch.stack(scores, dim=-1))
+
+
+def _query(name: str) -> str:
+    return f"a photo of a {name}"
+
+
+def _caption(names: Sequence[str]) -> str:
+    return " ".join(f"{name} ." for name in names)
 
 
 class Kind(NamedTuple):
@@ -153,18 +179,23 @@ class ZeroShotDetector:
         self.threshold: float = own if threshold is None else threshold
         self.camera = camera
 
+    def can_read(self, names: Sequence[str]) -> bool:
+        """See `detections.Detector`."""
+        return self.candidates.can_read([object_name(name) for name in names])
+
     def __call__(
         self,
         observation: Mapping[str, Any],
         names: Sequence[Sequence[str]],
         near: Tensor | None = None,
+        away: Tensor | None = None,
     ) -> Detections:
         """Detect: see `detections.Detector`."""
         images = observation[self.camera]
         if images.dtype == torch.uint8:
             images = images / 255
         parts = [
-            self._detect(images[part], names[part], None if near is None else near[part])
+            self._detect(images[part], names[part], *(at if at is None else at[part] for at in (near, away)))
             for part in (
                 slice(first, first + IMAGES_AT_ONCE) for first in range(0, len(images), IMAGES_AT_ONCE)
             )
@@ -172,7 +203,9 @@ class ZeroShotDetector:
         return Detections(*(torch.cat(tensors) for tensors in zip(*parts, strict=True)))
 
     @torch.no_grad()
-    def _detect(self, images: Tensor, names: Sequence[Sequence[str]], near: Tensor | None) -> Detections:
+    def _detect(
+        self, images: Tensor, names: Sequence[Sequence[str]], near: Tensor | None, away: Tensor | None
+    ) -> Detections:
         self.model.to(images.device)
         full_names = [[object_name(name) for name in asked] for asked in names]
         boxes, scores = self.candidates(images, full_names)
@@ -180,6 +213,8 @@ class ZeroShotDetector:
         counts = ((centre >= 0) & (centre <= 1)).all(dim=-1)
         if near is not None:
             counts = counts & same_place(centre, near[:, None])
+        if away is not None:
+            counts = counts & ~same_place(centre[:, :, :, None], away[:, None]).any(dim=-1)
         score, index = (scores * counts).max(dim=1)
         return Detections(boxes.gather(1, index[..., None].expand(-1, -1, BOX_NUMBERS)), score)
 

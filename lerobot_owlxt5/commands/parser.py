@@ -71,6 +71,18 @@ def parse_command(text: str) -> Command:
     return Command(verb, found) if verb else Command(None, plain(text), refusal=found)
 
 
+def name_problem(name: str) -> str:
+    """Why an object had better not be called this: the command that would not be understood; or ""."""
+    for verb in VERBS.values():
+        for text in (f"{verb.name} {name}", verb.imperative.format(f"the {name}")):
+            command = parse_command(text)
+            if (command.verb, command.object) != (verb.name, plain(name)):
+                return (
+                    f"the command {text!r} would not be understood ({command.refusal or command.intention})"
+                )
+    return ""
+
+
 def named_objects(tasks: Iterable[str]) -> list[str]:
     """The objects that tasks name, each once, in the order of the tasks."""
     return list(dict.fromkeys(parse_command(task).object for task in tasks))

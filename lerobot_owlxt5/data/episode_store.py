@@ -7,10 +7,9 @@ the episodes are read once, from the dataset's files on this machine.
 """
 
 import logging
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,12 +17,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import torch
-from lerobot.datasets.video_utils import decode_video_frames
 from lerobot.utils.constants import ACTION, OBS_STATE
-from PIL import Image
 from torch import Tensor
 
+from ..commands.prompts import check_texts
+from .episode_frames import EpisodeFrames
 from .normalization import share_joint_range
+from .start_pose import start_tolerance
 from .windows import at_step
 
 if TYPE_CHECKING:
@@ -32,11 +32,6 @@ if TYPE_CHECKING:
 LANGUAGE_COLUMN = "language_persistent"
 SCALED_ALIKE = 1e-3
 """Largest difference between a pose that a preprocessor has scaled and the same in `EpisodeStore`."""
-SAME_IMAGE = 0.01
-"""Largest mean difference between a frame that the loader delivers and the same in the files, of white.
-
-Decoders differ by less, transformed images by more.
-"""
 
 
 @dataclass(frozen=True)
@@ -64,6 +59,7 @@ class _Trajectories:
     length: Tensor
     first_pose: Tensor
     initial_pose: Tensor
+    initial_tolerance: Tensor
 
 
 class EpisodeStore:
@@ -75,6 +71,7 @@ class EpisodeStore:
 
     def __init__(self, meta: "LeRobotDatasetMetadata") -> None:
         self._meta = meta
+        self.frames = EpisodeFrames(meta)
 
     def __len__(self) -> int:
         """Episodes of the dataset, those whose files are not on this machine too."""
@@ -143,6 +140,11 @@ class EpisodeStore:
         """Mean of the episodes' first poses, (joints,), scaled to [-1, 1]."""
         return self._trajectories.initial_pose
 
+    @property
+    def initial_tolerance(self) -> Tensor:
+        """How far from their mean a plan may begin, (joints,), scaled: their largest distance, and `NEAR`."""
+        return self._trajectories.initial_tolerance
+
     @cached_property
     def texts(self) -> dict[int, EpisodeTexts]:
         """Texts by episode index; empty for a dataset without language columns.
@@ -169,51 +171,6 @@ class EpisodeStore:
             )
         return texts
 
-    def frames(self, camera: str, episodes: Collection[int] | None = None) -> Iterator[tuple[int, Tensor]]:
-        """Read all frames of a camera, one episode after the other.
-
-        A video is decoded from an episode's first frame to its last, with PyAV, which every LeRobot has; the
-        data loader, which draws frames at random, opens and searches it for each of them. A frame may be off
-        its time by half a frame, whatever --tolerance_s says.
-
-        Args:
-            camera: Key of an image feature, stored as video or as images.
-            episodes: Only these, if given.
-
-        Yields:
-            Index of an episode, and its frames (length, 3, height, width), uint8.
-        """
-        chosen = range(self._meta.total_episodes) if episodes is None else sorted({*episodes})
-        videos = camera in self._meta.video_keys
-        return self._videos(camera, chosen) if videos else self._images(camera, chosen)
-
-    def find_camera(self, episodes: Sequence[int], images: Tensor) -> str:
-        """Find out which camera of the dataset a batch's images come from: --rename_map may have renamed it.
-
-        Args:
-            episodes: Index of each image's episode.
-            images: The episodes' first frames from the loader, (batch, 3, height, width) in [0, 1].
-
-        Returns:
-            Key of an image feature of the dataset.
-
-        Raises:
-            ValueError: If they come from none, as where --dataset.image_transforms change them.
-        """
-        cameras = [key for key in self._meta.camera_keys if key not in self._meta.depth_keys]
-        for camera in cameras:
-            first = {episode: frames[0] for episode, frames in self.frames(camera, episodes)}
-            stored = torch.stack([first[episode] for episode in episodes]).to(images) / 255
-            if (
-                stored.shape == images.shape
-                and (stored - images).abs().flatten(1).mean(dim=1).max() < SAME_IMAGE
-            ):
-                return camera
-        raise ValueError(
-            f"The loader's images are not those in the files of the dataset's cameras {cameras}, from which "
-            "crosst5 reads whole episodes: set --dataset.image_transforms.enable=false."
-        )
-
     @cached_property
     def _trajectories(self) -> _Trajectories:
         stats = share_joint_range(self._meta.stats)[ACTION]
@@ -234,14 +191,15 @@ class EpisodeStore:
             actions.append(scaled)
             poses.append(states[first])
         length = torch.tensor(lengths)
-        first_pose = np.concatenate(poses)
+        first_poses = np.concatenate(poses)
+        mean_pose = first_poses.mean(axis=0, dtype=np.float64)
+        tolerance = start_tolerance(first_poses, high - low)
         return _Trajectories(
             torch.from_numpy(np.concatenate(actions).astype(np.float32)),
             row,
             length.cumsum(dim=0) - length,
             length,
-            torch.from_numpy(first_pose.astype(np.float32)),
-            torch.from_numpy(first_pose.mean(axis=0, dtype=np.float64).astype(np.float32)),
+            *(torch.from_numpy(each.astype(np.float32)) for each in (first_poses, mean_pose, tolerance)),
         )
 
     @cached_property
@@ -252,23 +210,6 @@ class EpisodeStore:
         for path in sorted((self._meta.root / "data").glob("*/*.parquet")):
             yield pq.read_table(path, columns=[*columns])
 
-    def _videos(self, camera: str, episodes: Collection[int]) -> Iterator[tuple[int, Tensor]]:
-        meta = self._meta
-        for episode in episodes:
-            path = meta.root / meta.get_video_file_path(episode, camera)
-            if path.is_file():
-                row = meta.episodes[episode]
-                start = row[f"videos/{camera}/from_timestamp"]
-                times = [start + step / meta.fps for step in range(row["length"])]
-                yield episode, decode_video_frames(path, times, 0.5 / meta.fps, "pyav", return_uint8=True)
-
-    def _images(self, camera: str, episodes: Collection[int]) -> Iterator[tuple[int, Tensor]]:
-        for table in self._tables("episode_index", camera):
-            for episode in (each for each in table["episode_index"].unique().to_pylist() if each in episodes):
-                images = table.filter(pc.equal(table["episode_index"], episode))[camera].to_pylist()
-                frames = [np.asarray(Image.open(BytesIO(image["bytes"])).convert("RGB")) for image in images]
-                yield episode, torch.from_numpy(np.stack(frames)).permute(0, 3, 1, 2)
-
 
 def _sort_rows(rows: list[dict[str, Any]]) -> EpisodeTexts:
     """Sort an episode's language rows by LeRobot's style and role."""
@@ -276,9 +217,11 @@ def _sort_rows(rows: list[dict[str, Any]]) -> EpisodeTexts:
     for row in rows:
         if row["content"]:
             said.setdefault((row["style"], row["role"]), []).append(row["content"])
+    wordings, sentences = (said.get((style, "user"), []) for style in ("task_aug", "translation"))
+    check_texts(wordings + sentences, "A text of the dataset")
     return EpisodeTexts(
-        wordings=tuple(said.get(("task_aug", "user"), ())),
-        sentence=next(iter(said.get(("translation", "user"), ())), None),
+        wordings=tuple(wordings),
+        sentence=next(iter(sentences), None),
         translation=next(iter(said.get(("translation", "assistant"), ())), None),
     )
 
