@@ -27,9 +27,6 @@ from .visual_encoder import VisualEncoder
 if TYPE_CHECKING:
     from lerobot.datasets import LeRobotDatasetMetadata
 
-NOTHING_MOVED = "nothing moved"
-"""What `describe` answers when there is nothing to describe."""
-
 
 class CrossmodalPolicy(PreTrainedPolicy):
     """Executes, describes and repeats actions, repeats language and translates.
@@ -165,9 +162,12 @@ class CrossmodalPolicy(PreTrainedPolicy):
             actions, length = self.episodes.actions(batch, self.config.max_episode_steps)
             names = [parse_command(task).object for task in read_tasks(batch)]
             seen = self.visual.encode_cached(batch, names, self.episodes)
+            modes = sampler.sample(batch, rngs)
+            if self.training:
+                self.config.note_modes(modes.mode.tolist())
             terms = mixed_loss(
                 self.model,
-                sampler.sample(batch, rngs),
+                modes,
                 seen.features,
                 first_pose(batch),
                 actions,
@@ -182,6 +182,11 @@ class CrossmodalPolicy(PreTrainedPolicy):
             "stop_loss": terms.stop.mean().item(),
             "found": seen.object_found.float().mean().item(),
         }
+
+    def _begin(self, mode: str) -> None:
+        """Before each answer and each movement: no dropout, and nothing that was never learnt."""
+        self.eval()
+        self.config.check_mode(mode)
 
     # Execute ------------------------------------------------------------------------------------------------
 
@@ -220,7 +225,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
                 there is not even a pose to hold.
             FloatingPointError: If the plan is not finite.
         """
-        self.eval()
+        self._begin("execute")
         check_state(batch[OBS_STATE], self.config.action_feature.shape[0])
         instructions = [interpret(task, self.config.tasks or ()) for task in read_tasks(batch)]
         seen = self.visual.encode(batch, [instruction.command.object for instruction in instructions])
@@ -244,21 +249,19 @@ class CrossmodalPolicy(PreTrainedPolicy):
                 configuration requests them, and the observations, as `describe_delta_indices` does;
                 `data.windows.finished_episode` makes one of a rollout.
             labels: Names of the objects that may have been moved; by default those of the training tasks.
+                An object that no label names is not looked for: pass the names of what is on the table.
 
         Returns:
-            One description per sample, or `NOTHING_MOVED`.
+            One description per sample, `NOTHING_MOVED` or `NOTHING_KNOWN` (`commands.instruction`).
         """
-        self.eval()
+        self._begin("describe")
         if labels is None:
             labels = named_objects(self.config.tasks or [])
         if not labels and self.visual.names_objects:
             raise ValueError("The policy was not trained, so it knows no objects to look for: pass `labels`.")
         seen = self.visual.find_moved(batch, labels)
         prompts = [describe_prompt(label) for label in seen.labels]
-        texts = self.model.generate_text(prompts, seen.features, recorded_joints(batch))
-        return [
-            text if moved else NOTHING_MOVED for text, moved in zip(texts, seen.moved.tolist(), strict=True)
-        ]
+        return seen.answers(self.model.generate_text(prompts, seen.features, recorded_joints(batch)))
 
     @torch.no_grad()
     def repeat_action(self, batch: dict[str, Any]) -> Tensor:
@@ -270,12 +273,11 @@ class CrossmodalPolicy(PreTrainedPolicy):
         Returns:
             (batch, L, joints), scaled to [-1, 1] and held after the stop output.
         """
-        self.eval()
+        self._begin("repeat_action")
         joints = recorded_joints(batch)
         names = [parse_command(task).object for task in read_tasks(batch)]
         features = self.visual.encode(batch, names).features
-        prompts = [repeat_action_prompt()] * len(joints)
-        return self.model.plan(prompts, features, joints, self.config.max_episode_steps)
+        return self.model.plan([repeat_action_prompt()] * len(joints), features, joints, self.config.max_episode_steps)
 
     @torch.no_grad()
     def translate(self, sentences: Sequence[str], batch: dict[str, Any] | None = None) -> list[str]:
@@ -285,13 +287,13 @@ class CrossmodalPolicy(PreTrainedPolicy):
             sentences: One per sample.
             batch: May hold the robot's pose in `observation.state`, (batch, joints), scaled.
         """
+        self._begin("translate")
         return self._answer([translate_prompt(sentence) for sentence in sentences], None, batch)
 
     def _answer(
         self, prompts: Sequence[str], features: Tensor | None, batch: dict[str, Any] | None
     ) -> list[str]:
         """What the robot says to prompts when it does not move; no features are zeros."""
-        self.eval()
         pose = self.rest_pose.expand(len(prompts), -1) if batch is None else first_pose(batch)
         if features is None:
             features = pose.new_zeros(len(pose), 1, self.config.dim_visual)

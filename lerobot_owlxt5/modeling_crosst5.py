@@ -53,5 +53,6 @@ class CrossT5Policy(CrossmodalPolicy):
             texts: One per sample.
             batch: May hold an observation: the camera's frames and the pose in `observation.state`, scaled.
         """
+        self._begin("repeat_language")
         features = None if batch is None else self.visual.encode(batch, texts).features[:, :1]
         return self._answer([repeat_language_prompt(text) for text in texts], features, batch)

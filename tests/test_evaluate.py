@@ -115,7 +115,7 @@ class Oracle:
     """Has the policies' public methods and knows the right answers, to the dataset's own words alone."""
 
     def __init__(self, dataset: LeRobotDataset) -> None:
-        self.config = SimpleNamespace(max_text_tokens=8, modes=MODES)
+        self.config = SimpleNamespace(max_text_tokens=8, modes=MODES, was_trained_in=lambda mode: True)
         self.visual = SimpleNamespace(names_objects=True)
         self.model = SimpleNamespace(
             language=SimpleNamespace(

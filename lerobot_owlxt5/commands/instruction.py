@@ -7,6 +7,11 @@ from dataclasses import dataclass
 from .parser import Command, object_name, parse_command, with_article
 from .prompts import execute_prompt
 
+NOTHING_MOVED = "nothing moved"
+"""What `describe` answers when there is nothing to describe."""
+NOTHING_KNOWN = "I know none of the objects that I see."
+"""What `describe` answers when none of the labels was in view."""
+
 
 @dataclass(frozen=True)
 class Instruction:
