@@ -55,8 +55,8 @@ class CrossmodalConfig(PreTrainedConfig):
         max_text_tokens: Longest text that `describe` and `translate` generate, in tokens.
         tasks: Task texts of the training data; filled in when training starts. They name the objects that
             `describe` looks for, and the tasks that the policy knows beside its own verbs.
-        trained_modes: Modes that training has drawn; filled in by training. None: not known, as in checkpoints
-            from before it was noted.
+        trained_modes: Modes that training has drawn; filled in by training. None: not known, as in a
+            checkpoint from before they were noted.
         core_version: `CORE_VERSION` of the package that made the policy; filled in when it is made.
         optimizer_lr: Learning rate of Adam.
 
@@ -180,8 +180,8 @@ class CrossmodalConfig(PreTrainedConfig):
         """
         if not self.was_trained_in(mode):
             raise ValueError(
-                f"This policy was never trained in the mode '{mode}', only in {self.trained_modes}. Train it with "
-                f"a share for it in --policy.mode_probabilities"
+                f"This policy was never trained in the mode '{mode}', only in {self.trained_modes}. Train it "
+                "with a share for it in --policy.mode_probabilities"
                 + (", on data with sentences to translate." if mode == "translate" else ".")
             )
 

@@ -277,7 +277,9 @@ class CrossmodalPolicy(PreTrainedPolicy):
         joints = recorded_joints(batch)
         names = [parse_command(task).object for task in read_tasks(batch)]
         features = self.visual.encode(batch, names).features
-        return self.model.plan([repeat_action_prompt()] * len(joints), features, joints, self.config.max_episode_steps)
+        return self.model.plan(
+            [repeat_action_prompt()] * len(joints), features, joints, self.config.max_episode_steps
+        )
 
     @torch.no_grad()
     def translate(self, sentences: Sequence[str], batch: dict[str, Any] | None = None) -> list[str]:

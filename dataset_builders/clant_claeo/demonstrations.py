@@ -111,8 +111,8 @@ def scripted(objects: str, placement: str = "slots", seed: int = 0) -> Iterator[
     six have fewer (our decision).
 
     Placement `free` (see `nico_tabletop.placement`) gives the k-th demonstration poses of its own, drawn from
-    `numpy.random.default_rng((seed, k))`: the same ones for all objects. Its sentence to translate is about its
-    objects, drawn from a generator of its own.
+    `numpy.random.default_rng((seed, k))`: the same ones for all objects. Its sentence to translate is
+    about its objects, drawn from a generator of its own.
 
     Each action has 30 test episodes, as in the release: those whose arrangement's and action's numbers add up
     to a multiple of four (our decision).

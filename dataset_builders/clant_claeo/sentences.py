@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the scripted source gives to translate: sentences about the objects on the table, from our own grammar."""
+"""The scripted source's sentences to translate: about the objects on the table, from our own grammar."""
 
 from collections.abc import Sequence
 

@@ -161,7 +161,9 @@ def score_policy(
                     for each, task in zip(said, tasks, strict=True)
                 ]
                 scores.add_texts("describe", variant, descriptions, references)
-                scores.add_refused("describe", variant, (text in (NOTHING_MOVED, NOTHING_KNOWN) for text in descriptions))
+                scores.add_refused(
+                    "describe", variant, (text in (NOTHING_MOVED, NOTHING_KNOWN) for text in descriptions)
+                )
             if "repeat_language" in modes:
                 sentences = [spoken(task) for task in tasks]
                 repeated = policy.repeat_language(sentences, batch)
