@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The README's Python example runs as it stands, and the commands of all documents have options that exist."""
+"""README's Python example runs as it stands, and the options that the documents name exist."""
 
 import re
 import shlex
