@@ -12,6 +12,7 @@ import yaml
 from lerobot.configs.eval import EvalPipelineConfig
 from lerobot.configs.train import TrainPipelineConfig
 from lerobot.datasets import LeRobotDataset
+from lerobot.optim import CosineDecayWithWarmupSchedulerConfig
 from lerobot.policies.factory import make_pre_post_processors
 from PIL import Image
 
@@ -32,7 +33,11 @@ COMMANDS = {
     "lerobot-train": TrainPipelineConfig,
     "lerobot-eval": EvalPipelineConfig,
 }
-POLICIES = (OWLxT5Config, CrossT5Config)
+CHOICES = {
+    "policy": (OWLxT5Config, CrossT5Config),
+    "env": (ClaeoEnvConfig,),
+    "scheduler": (CosineDecayWithWarmupSchedulerConfig,),
+}
 CHECKPOINT = "outputs/demo/train/checkpoints/last/pretrained_model"
 
 
@@ -81,12 +86,8 @@ def has_option(config: type, name: str) -> bool:
 def test_documented_options_exist(document: str, command: str, options: tuple[str, ...]) -> None:
     for option in options:
         first, _, rest = option.partition(".")
-        if first == "policy":
-            known = rest in ("path", "type", "autoencoder") or any(
-                has_option(each, rest) for each in POLICIES
-            )
-        elif first == "env":
-            known = rest == "type" or has_option(ClaeoEnvConfig, rest)
+        if first in CHOICES:
+            known = rest in ("path", "type") or any(has_option(each, rest) for each in CHOICES[first])
         else:
             known = option == "config_path" or has_option(COMMANDS[command], option)
         assert known, f"{document}: {command} --{option}"
