@@ -192,8 +192,14 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
     def render(self) -> NDArray[np.uint8]:
         """The scene as a bystander sees it, with the command in it, uint8 (360, 480, 3)."""
         image = Image.fromarray(self._simulation.render(SPECTATOR, 360, 480))
-        outlined = {"fill": "white", "stroke_width": 2, "stroke_fill": "black"}
-        ImageDraw.Draw(image).text((8, 6), self.task_description, font=ImageFont.load_default(18), **outlined)
+        ImageDraw.Draw(image).text(
+            (8, 6),
+            self.task_description,
+            "white",
+            ImageFont.load_default(18),
+            stroke_width=2,
+            stroke_fill="black",
+        )
         return np.asarray(image)
 
     def close(self) -> None:
