@@ -248,8 +248,8 @@ class CrossmodalPolicy(PreTrainedPolicy):
             batch: `action` (batch, 2L - 1, joints) with `action_is_pad`, as `episode_delta_indices` of the
                 configuration requests them, and the observations, as `describe_delta_indices` does;
                 `data.windows.finished_episode` makes one of a rollout.
-            labels: Names of the objects that may have been moved; by default those of the training tasks.
-                An object that no label names is not looked for: pass the names of what is on the table.
+            labels: Names of the objects that may have been moved, as of what is on the table; by default those
+                of the training tasks.
 
         Returns:
             One description per sample, `NOTHING_MOVED` or `NOTHING_KNOWN` (`commands.instruction`).
@@ -275,11 +275,11 @@ class CrossmodalPolicy(PreTrainedPolicy):
         """
         self._begin("repeat_action")
         joints = recorded_joints(batch)
-        names = [parse_command(task).object for task in read_tasks(batch)]
-        features = self.visual.encode(batch, names).features
-        return self.model.plan(
-            [repeat_action_prompt()] * len(joints), features, joints, self.config.max_episode_steps
-        )
+        features = self.visual.encode(
+            batch, [parse_command(task).object for task in read_tasks(batch)]
+        ).features
+        prompts = [repeat_action_prompt()] * len(joints)
+        return self.model.plan(prompts, features, joints, self.config.max_episode_steps)
 
     @torch.no_grad()
     def translate(self, sentences: Sequence[str], batch: dict[str, Any] | None = None) -> list[str]:
