@@ -163,8 +163,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
             names = [parse_command(task).object for task in read_tasks(batch)]
             seen = self.visual.encode_cached(batch, names, self.episodes)
             modes = sampler.sample(batch, rngs)
-            if self.training:
-                self.config.note_modes(modes.mode.tolist())
+            self.config.note_modes(modes.mode.tolist() if self.training else ())
             terms = mixed_loss(
                 self.model,
                 modes,
@@ -184,7 +183,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
         }
 
     def _begin(self, mode: str) -> None:
-        """Before each answer and each movement: no dropout, and nothing that was never learnt."""
+        """Without dropout, and for nothing that was never learnt."""
         self.eval()
         self.config.check_mode(mode)
 
@@ -248,8 +247,7 @@ class CrossmodalPolicy(PreTrainedPolicy):
             batch: `action` (batch, 2L - 1, joints) with `action_is_pad`, as `episode_delta_indices` of the
                 configuration requests them, and the observations, as `describe_delta_indices` does;
                 `data.windows.finished_episode` makes one of a rollout.
-            labels: Names of the objects that may have been moved, as of what is on the table; by default those
-                of the training tasks.
+            labels: Names of the objects that may have been moved; by default those of the training tasks.
 
         Returns:
             One description per sample, `NOTHING_MOVED` or `NOTHING_KNOWN` (`commands.instruction`).
