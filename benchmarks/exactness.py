@@ -60,7 +60,7 @@ def _differences(
         "frame_index": frames["frame_index"] == list(range(count)),
         "task": task == demonstration.task,
         "wordings": said["task_aug"] == list(demonstration.wordings),
-        "translation": said["translation"] == list(demonstration.translation or ()),
+        "translation": said["translation"] == list(demonstration.translation),
         "objects": names == demonstration.arrangement,
         "split": split == demonstration.split,
         "language on each frame": all(every == language for every in frames["language_persistent"]),

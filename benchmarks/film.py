@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Films a trained owlxt5 at six commands.
 
-    python benchmarks/film.py --checkpoint=outputs/owlxt5/checkpoints/last/pretrained_model --image=film.gif
+    python benchmarks/film.py --checkpoint=outputs/owlxt5/checkpoints/last/pretrained_model --image=film.webp
 
 Each panel is what NICO sees of an everyday object. The circle is where its detector found the named object
 before it moved, with the score; the last line is what it says of its movement afterwards, from two images
@@ -47,7 +47,7 @@ class FilmConfig:
 
     Args:
         checkpoint: Folder of a trained owlxt5, its `pretrained_model`.
-        image: GIF to write.
+        image: Animated WebP to write, which keeps the colours as the robot sees them.
         policy_options: Of the policy, in place of the checkpoint's own, such as `[--detector=embedded]`.
     """
 
@@ -131,9 +131,9 @@ def main(config: FilmConfig) -> None:
         for place, shot in enumerate(shots):
             corner = place % COLUMNS * WIDTH, place // COLUMNS * (HEIGHT + 2 * LINE)
             page.paste(_panel(shot, number * EVERY, ended=number * EVERY >= steps - 1), corner)
-        pages.append(page.quantize(96, dither=Image.Dither.NONE))
+        pages.append(page)
     animation = {"save_all": True, "append_images": pages[1:], "duration": 100 * EVERY, "loop": 0}
-    pages[0].save(config.image, optimize=True, **animation)
+    pages[0].save(config.image, quality=80, **animation)
     print(f"{config.image}: {config.image.stat().st_size / 1e6:.1f} MB")
 
 

@@ -59,7 +59,8 @@ step "2/3 Training on the $train episodes of the train split" train \
 # Both environments side by side: each evaluation keeps one core busy.
 printf 'clant\nclaeo\n' | step "3/3 Evaluation on cubes and on everyday objects" eval \
     xargs -P 2 -I TYPE lerobot-eval --policy.path=$out/train/checkpoints/last/pretrained_model --env.type=TYPE \
-    --eval.n_episodes=$episodes --eval.batch_size=1 --output_dir=$out/eval_TYPE --policy.device=cpu
+    --eval.n_episodes=$episodes --eval.batch_size=1 --output_dir=$out/eval_TYPE --env.output_dir=$out/eval_TYPE \
+    --policy.device=cpu
 
 printf '\n== Results\n'
 python -m nico_tabletop.report $out/eval_clant/eval_info.json $out/eval_claeo/eval_info.json \

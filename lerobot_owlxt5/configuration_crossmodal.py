@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the configurations of OWLxT5 and CrossT5 have in common."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -55,6 +56,8 @@ class CrossmodalConfig(PreTrainedConfig):
         tasks: Task texts of the training data; filled in as training meets them, on several GPUs as the first
             one does. They name the objects that `describe` looks for, and the tasks that the policy knows
             beside its own verbs.
+        trained_modes: Modes that training has drawn; filled in by training. None: not known, as in a
+            checkpoint from before they were noted.
         core_version: `CORE_VERSION` of the package that made the policy; filled in when it is made.
         optimizer_lr: Learning rate of Adam.
 
@@ -88,6 +91,7 @@ class CrossmodalConfig(PreTrainedConfig):
     joint_loss_weight: float = 1.0
     max_text_tokens: int = 128
     tasks: list[str] | None = None
+    trained_modes: list[str] | None = None
     core_version: int | None = None
     optimizer_lr: float = 1e-5
 
@@ -158,6 +162,28 @@ class CrossmodalConfig(PreTrainedConfig):
                 f"{checkpoint} was made by another version of lerobot_policy_owlxt5, whose core computes "
                 f"something else with the same parameters (core_version {self.core_version or 1}, here "
                 f"{CORE_VERSION}): train it again."
+            )
+
+    def note_modes(self, drawn: Sequence[int]) -> None:
+        """Note modes that a training batch is in, indices into `MODES`."""
+        known = {MODES[mode] for mode in drawn}.union(self.trained_modes or ())
+        self.trained_modes = [mode for mode in MODES if mode in known] or None
+
+    def was_trained_in(self, mode: str) -> bool:
+        """Whether training has drawn a mode, one of `MODES`; also true where nobody noted it."""
+        return self.trained_modes is None or mode in self.trained_modes
+
+    def check_mode(self, mode: str) -> None:
+        """Check that the policy has learnt a mode before it is asked for it.
+
+        Raises:
+            ValueError: If it was never trained in the mode.
+        """
+        if not self.was_trained_in(mode):
+            raise ValueError(
+                f"This policy was never trained in the mode '{mode}', only in {self.trained_modes}. Train it "
+                "with a share for it in --policy.mode_probabilities"
+                + (", on data with sentences to translate." if mode == "translate" else ".")
             )
 
     def check_dataset(self, features: dict[str, Any]) -> None:

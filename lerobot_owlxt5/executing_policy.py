@@ -56,6 +56,11 @@ class ExecutingPolicy(PreTrainedPolicy):
         """Forget the plans: the next `select_action` makes new ones, from where the robot is then."""
         self.reset()
 
+    def _begin(self, mode: str) -> None:
+        """Without dropout, and for nothing that was never learnt."""
+        self.eval()
+        self.config.check_mode(mode)
+
     @torch.no_grad()
     def select_action(self, batch: dict[str, Any], **kwargs: Any) -> Tensor:
         """Return the next action of the plan; make a plan if there is none for this task.
@@ -93,7 +98,7 @@ class ExecutingPolicy(PreTrainedPolicy):
                 there is not even a pose to hold.
             FloatingPointError: If the plan is not finite.
         """
-        self.eval()
+        self._begin("execute")
         check_state(batch[OBS_STATE], self.config.action_feature.shape[0])
         can_read = self.visual.can_read if self.visual.names_objects else None
         instructions = [interpret(task, self.config.tasks or (), can_read) for task in read_tasks(batch)]

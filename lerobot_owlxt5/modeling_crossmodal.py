@@ -26,9 +26,6 @@ from .validation import check_finite_loss, read_tasks
 if TYPE_CHECKING:
     from lerobot.datasets import LeRobotDatasetMetadata
 
-NOTHING_MOVED = "nothing moved"
-"""What `describe` answers when there is nothing to describe."""
-
 
 class CrossmodalPolicy(ExecutingPolicy):
     """Executes, describes and repeats actions, repeats language and translates.
@@ -158,9 +155,11 @@ class CrossmodalPolicy(ExecutingPolicy):
                 self.config.tasks = list(dict.fromkeys([*(self.config.tasks or []), *filter(plain, tasks)]))
             names = [parse_command(task).object for task in tasks]
             seen = self.visual.encode_cached(batch, names, self.episodes)
+            modes = sampler.sample(batch, rngs)
+            self.config.note_modes(modes.mode.tolist() if self.training else ())
             terms = mixed_loss(
                 self.model,
-                sampler.sample(batch, rngs),
+                modes,
                 seen.features,
                 first_pose(batch),
                 actions,
@@ -185,12 +184,12 @@ class CrossmodalPolicy(ExecutingPolicy):
             labels: Names of the objects that may have been moved; by default those of the training tasks.
 
         Returns:
-            One description per sample, or `NOTHING_MOVED`.
+            One description per sample, `NOTHING_MOVED` or `NOTHING_KNOWN` (`commands.instruction`).
 
         Raises:
             ValueError: If a label is too long, or there is none.
         """
-        self.eval()
+        self._begin("describe")
         if labels is None:
             labels = named_objects(self.config.tasks or [])
         else:
@@ -202,10 +201,7 @@ class CrossmodalPolicy(ExecutingPolicy):
             raise ValueError("The policy was not trained, so it knows no objects to look for: pass `labels`.")
         seen = self.visual.find_moved(batch, labels)
         prompts = [describe_prompt(label) for label in seen.labels]
-        texts = self.model.generate_text(prompts, seen.features, recorded_joints(batch))
-        return [
-            text if moved else NOTHING_MOVED for text, moved in zip(texts, seen.moved.tolist(), strict=True)
-        ]
+        return seen.answers(self.model.generate_text(prompts, seen.features, recorded_joints(batch)))
 
     @torch.no_grad()
     def repeat_action(self, batch: dict[str, Any]) -> Tensor:
@@ -217,10 +213,11 @@ class CrossmodalPolicy(ExecutingPolicy):
         Returns:
             (batch, L, joints), scaled to [-1, 1] and held after the stop output.
         """
-        self.eval()
+        self._begin("repeat_action")
         joints = recorded_joints(batch)
-        names = [parse_command(task).object for task in read_tasks(batch)]
-        features = self.visual.encode(batch, names).features
+        features = self.visual.encode(
+            batch, [parse_command(task).object for task in read_tasks(batch)]
+        ).features
         prompts = [repeat_action_prompt()] * len(joints)
         return self.model.plan(prompts, features, joints, self.config.max_episode_steps)
 
@@ -235,6 +232,7 @@ class CrossmodalPolicy(ExecutingPolicy):
         Raises:
             ValueError: If a sentence is too long.
         """
+        self._begin("translate")
         check_texts(sentences, "`sentences`")
         return self._answer([translate_prompt(sentence) for sentence in sentences], None, batch)
 
@@ -242,7 +240,6 @@ class CrossmodalPolicy(ExecutingPolicy):
         self, prompts: Sequence[str], features: Tensor | None, batch: dict[str, Any] | None
     ) -> list[str]:
         """What the robot says to prompts when it does not move; no features are zeros."""
-        self.eval()
         pose = self.rest_pose.expand(len(prompts), -1) if batch is None else first_pose(batch)
         if features is None:
             features = pose.new_zeros(len(pose), 1, self.config.dim_visual)

@@ -56,6 +56,7 @@ class CrossT5Policy(CrossmodalPolicy):
         Raises:
             ValueError: If a text is too long.
         """
+        self._begin("repeat_language")
         check_texts(texts, "`texts`")
         features = None if batch is None else self.visual.encode(batch, texts).features[:, :1]
         return self._answer([repeat_language_prompt(text) for text in texts], features, batch)

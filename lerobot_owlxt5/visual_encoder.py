@@ -13,6 +13,7 @@ from tqdm import tqdm
 from .backbones.detections import Detections, Detector, same_place
 from .backbones.ground_truth import BOX_NUMBERS, GroundTruthDetector
 from .backbones.zero_shot import ZeroShotDetector
+from .commands.instruction import NOTHING_KNOWN, NOTHING_MOVED
 from .configuration_owlxt5 import CENTRE, GROUND_TRUTH, OWLxT5Config
 from .data.episode_store import EpisodeStore
 from .data.windows import at_step, observation_at, recover_actions
@@ -49,12 +50,20 @@ class MovedObjects(NamedTuple):
     Attributes:
         features: As in `VisualInput`.
         moved: (batch,) bool: did an object leave its place? True where that cannot be told.
-        labels: What the object is called, for describe's prompt; empty where that cannot be told.
+        labels: What the object is called, for describe's prompt; empty where that cannot be told, or where no
+            label was in view.
     """
 
     features: Tensor
     moved: Tensor
     labels: list[str]
+
+    def answers(self, texts: Sequence[str]) -> list[str]:
+        """What to say: the text about each sample, or that there is nothing to tell."""
+        return [
+            text if moved else NOTHING_MOVED if label else NOTHING_KNOWN
+            for text, moved, label in zip(texts, self.moved.tolist(), self.labels, strict=True)
+        ]
 
 
 class VisualEncoder(Protocol):
@@ -158,7 +167,8 @@ class ObjectPoint:
         moved = (still_there < GONE) & seen.gather(1, index[:, None])[:, 0]
         point = self._points(before).gather(1, index[:, None, None].expand(-1, -1, 2))
         features = torch.where(moved[:, None, None], point, 0.0)
-        return MovedObjects(features, moved, [labels[each] for each in index.tolist()])
+        found = zip(index.tolist(), known.any(dim=1).tolist(), strict=True)
+        return MovedObjects(features, moved, [labels[each] if any_known else "" for each, any_known in found])
 
     def _do_frames_change(self, batch: Mapping[str, Any]) -> bool:
         """Whether an episode's first frame ever came in two versions, as of --dataset.image_transforms.

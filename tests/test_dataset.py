@@ -16,6 +16,7 @@ from lerobot.datasets.io_utils import write_table_one_row_group_per_episode
 from clant_claeo.builder import build_dataset
 from clant_claeo.demonstrations import from_release, scripted
 from clant_claeo.release import Release
+from clant_claeo.sentences import named_thing
 from commands import run, run_anyway
 from nico_tabletop.env import NAME_BYTES
 from nico_tabletop.objects import read_objects
@@ -82,7 +83,8 @@ def test_language_rows_say_what_happens(built: LeRobotDataset):
         task = built[start]["task"]
         assert rows["task_aug"][0] == task
         assert len(set(rows["task_aug"])) == 4
-        assert "translation" not in rows  # a script has none
+        english, german = rows["translation"]
+        assert english != german
         [scene] = map(json.loads, rows["scene"])
         assert scene["outcome"] == "perfect"
         assert list(scene["objects"]) == ["left", "middle", "right"]
@@ -113,6 +115,32 @@ def test_scripted_demonstrations_are_split_like_the_release():
     for action in ACTIONS:
         mine = [demonstration.split for demonstration in found if demonstration.action == action]
         assert (mine.count("train"), mine.count("test")) == (90, 30)
+
+
+@pytest.mark.parametrize("objects", ["clant", "claeo"])
+def test_scripted_sentences_are_about_the_objects_on_the_table(objects: str):
+    one, again, other = (list(scripted(objects, seed=seed)) for seed in (1, 1, 2))
+    sentences = [demonstration.translation for demonstration in one]
+    assert sentences == [demonstration.translation for demonstration in again]
+    assert sentences != [demonstration.translation for demonstration in other]
+    assert len({*sentences}) > 500
+    for demonstration, (english, german) in zip(one, sentences, strict=True):
+        assert any(name in english.lower() for name in demonstration.arrangement)
+        assert english[0].isupper() and german[0].isupper()
+        assert english.endswith("?") == german.endswith("?")
+
+
+@pytest.mark.parametrize(
+    ("name", "german"),
+    [
+        ("red", "den roten Würfel"),
+        ("empty wine bottle", "die leere Weinflasche"),
+        ("toy car", "das Spielzeugauto"),
+        ("zorble", "das zorble"),  # unknown: the same word
+    ],
+)
+def test_an_objects_name_in_german(name: str, german: str):
+    assert named_thing(name).german("accusative") == german
 
 
 def test_free_placement_gives_every_demonstration_poses_of_its_own():

@@ -194,12 +194,16 @@ def test_a_checkpoint_is_evaluated(folder: Path, checkpoints: Path, env_type: st
         *(f"--env.type={env_type}", *OPTIONS[env_type], "--env.task=PUSH-L", "--policy.device=cpu"),
         *("--env.observation_height=48", "--env.observation_width=64"),
         *(f"--eval.n_episodes={batch}", f"--eval.batch_size={batch}", f"--output_dir={output}"),
+        f"--env.output_dir={output}",
     )
     info = json.loads((output / "eval_info.json").read_text())
-    assert info["per_group"][env_type]["n_episodes"] == batch
+    objects = "household" if env_type == "claeo" else env_type
+    assert info["per_group"][objects]["n_episodes"] == batch
     assert all(Path(video).stat().st_size > 0 for video in info["overall"]["video_paths"])
     table = run(
         "python", "-m", "nico_tabletop.report", output / "eval_info.json", f"--image={output / 'p.png'}"
     )
+    assert objects in table
     assert "PUSH-L" in table
+    assert "?" not in table  # why each episode failed is recorded
     assert (output / "p.png").stat().st_size > 0

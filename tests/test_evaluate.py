@@ -2,11 +2,13 @@
 """`owlxt5-evaluate`: a policy that knows all, a tiny checkpoint through the command, and errors."""
 
 import json
+import shutil
 import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from lerobot.datasets import LeRobotDataset
@@ -15,7 +17,13 @@ from commands import run
 from lerobot_owlxt5.commands.parser import spoken
 from lerobot_owlxt5.commands.prompts import MODES
 from lerobot_owlxt5.data.windows import recover_actions
-from lerobot_owlxt5.evaluation.cli import EvaluateConfig, choose_episodes, main, open_dataset
+from lerobot_owlxt5.evaluation.cli import (
+    EvaluateConfig,
+    choose_episodes,
+    has_other_movements,
+    main,
+    open_dataset,
+)
 from lerobot_owlxt5.evaluation.report import Row
 from lerobot_owlxt5.evaluation.scoring import accepted_descriptions, score_policy
 from lerobot_owlxt5.processor_owlxt5 import make_owlxt5_pre_post_processors
@@ -90,6 +98,30 @@ def test_the_command_reports_all_modes(folder: Path) -> None:
             assert 0 <= figure["low"] <= figure["value"] <= figure["high"]
 
 
+def test_data_of_another_source_is_named(folder: Path) -> None:
+    dataset = load(folder)
+    stats = dataset.meta.stats
+    _, same = make_owlxt5_pre_post_processors(make_config(folder / "t5"), stats)
+    assert not has_other_movements(same, dataset)
+    moving = int((stats["action"]["max"] - stats["action"]["min"]).argmax())
+    for share, expected in ((0.03, False), (0.07, True)):
+        other = {key: {name: np.array(value) for name, value in each.items()} for key, each in stats.items()}
+        width = stats["action"]["max"][moving] - stats["action"]["min"][moving]
+        other["action"]["max"][moving] += share * width
+        _, postprocessor = make_owlxt5_pre_post_processors(make_config(folder / "t5"), other)
+        assert has_other_movements(postprocessor, dataset) is expected
+
+
+def test_a_mode_that_was_never_trained_is_left_out(folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(folder / "checkpoint", tmp_path / "checkpoint")
+    file = tmp_path / "checkpoint" / "config.json"
+    config = json.loads(file.read_text()) | {"trained_modes": ["execute", "describe"]}
+    file.write_text(json.dumps(config))
+    report, _ = evaluate(folder, policy__path=tmp_path / "checkpoint", output_dir=tmp_path / "results")
+    assert list(variants(report)) == ["execute", "describe"]
+    assert report["modes"] == "execute, describe"
+
+
 def test_other_words_another_detector_and_the_same_seed(folder: Path, tmp_path: Path) -> None:
     owlv2 = make_owlv2(tmp_path / "owlv2")
     options = {"robustness": "true", "split": "all", "policy__detector": owlv2, "seed": 7}
@@ -115,7 +147,7 @@ class Oracle:
     """Has the policies' public methods and knows the right answers, to the dataset's own words alone."""
 
     def __init__(self, dataset: LeRobotDataset) -> None:
-        self.config = SimpleNamespace(max_text_tokens=8, modes=MODES)
+        self.config = SimpleNamespace(max_text_tokens=8, modes=MODES, was_trained_in=lambda mode: True)
         self.visual = SimpleNamespace(names_objects=True)
         self.model = SimpleNamespace(
             language=SimpleNamespace(

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What docs/extending.md promises: a policy and a detector from outside the package."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,11 +10,15 @@ from typing import Any, ClassVar
 import pytest
 import torch
 from lerobot.configs import PreTrainedConfig
-from lerobot.datasets import LeRobotDataset
+from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
+from lerobot.datasets.factory import resolve_delta_timestamps
+from lerobot.policies.factory import make_policy, make_pre_post_processors
+from lerobot.utils.collate import lerobot_collate_fn
 from torch import Tensor
 
 from lerobot_owlxt5.backbones.zero_shot import KINDS, Candidates, Kind, ZeroShotDetector
 from lerobot_owlxt5.configuration_crossmodal import CrossmodalConfig
+from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
 from lerobot_owlxt5.data.episode_store import EpisodeStore
 from lerobot_owlxt5.data.windows import observation_at
 from lerobot_owlxt5.modeling_crossmodal import CrossmodalPolicy
@@ -90,6 +95,27 @@ def test_a_policy_from_outside_trains_acts_and_speaks(
     assert loaded.responses[0].startswith("I will ")
     finished = load_batch(dataset.root, [0, 20], preprocess, finished=ENDS)
     assert len(loaded.describe(finished)) == 2
+
+
+@pytest.mark.slow
+def test_the_documented_recording_of_another_robot_trains(t5: Path, tmp_path: Path) -> None:
+    text = (Path(__file__).parents[1] / "docs" / "extending.md").read_text(encoding="utf-8")
+    [code] = [each for each in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if ".create(" in each]
+    exec(code.replace("outputs/mine", str(tmp_path / "mine")), {})
+    meta = LeRobotDatasetMetadata("me/mine", root=tmp_path / "mine")
+    assert (meta.total_episodes, meta.total_frames) == (2, 40)
+    config = OWLxT5Config(
+        **small_options(t5) | {"max_episode_steps": 20},
+        detector=str(make_owlv2(tmp_path / "owlv2")),
+        camera="observation.images.front",
+    )
+    policy = make_policy(config, ds_meta=meta)
+    preprocess, _ = make_pre_post_processors(config, dataset_stats=meta.stats)
+    windows = resolve_delta_timestamps(config, meta)
+    recorded = LeRobotDataset("me/mine", root=meta.root, delta_timestamps=windows, video_backend="pyav")
+    loss, _ = policy.train().forward(preprocess(lerobot_collate_fn([recorded[0], recorded[25]])))
+    loss.backward()
+    assert torch.isfinite(loss)
 
 
 class WholeImage:

@@ -160,7 +160,7 @@ def test_the_documented_file_works_in_the_environment(toys: Path):
 def test_lerobot_makes_environments_with_a_users_objects(toys: Path):
     config = ClaeoEnvConfig(task="PUSH-R", observation_height=48, observation_width=64, objects=str(toys))
     assert isinstance(config, EnvConfig)
-    envs = make_env(config, n_envs=2)["claeo"][ACTIONS.index(find_action("PUSH-R"))]
+    envs = make_env(config, n_envs=2)["toys"][ACTIONS.index(find_action("PUSH-R"))]
     envs.reset(seed=[1, 2])
     known = {f"push {item.name}" for item in read_objects(toys)}
     assert set(envs.call("task_description")) <= known

@@ -14,7 +14,7 @@ from lerobot.datasets import LeRobotDataset
 from lerobot.policies.factory import make_pre_post_processors
 
 from lerobot_owlxt5.backbones.detections import Detections
-from lerobot_owlxt5.commands.instruction import TOO_FAR, TOO_LONG
+from lerobot_owlxt5.commands.instruction import NOTHING_KNOWN, NOTHING_MOVED, TOO_FAR, TOO_LONG
 from lerobot_owlxt5.commands.parser import parse_command
 from lerobot_owlxt5.data.normalization import share_joint_range
 from lerobot_owlxt5.data.start_pose import NEAR, start_tolerance
@@ -318,7 +318,7 @@ def test_describe_asks_for_the_object_that_moved(
     assert len(texts) == 3
     batch["observation.objects"][:, 1] = batch["observation.objects"][:, 0]
     assert policy.describe(batch) == ["nothing moved"] * 3
-    assert policy.describe(batch, labels=["mug"]) == ["nothing moved"] * 3
+    assert policy.describe(batch, labels=["mug"]) == ["I know none of the objects that I see."] * 3
 
 
 @pytest.mark.parametrize(
@@ -329,8 +329,11 @@ def test_describe_asks_for_the_object_that_moved(
         pytest.param((0.2, 0.5), (0.9, 0.4), (0.8, 0.1), "blue", id="the other at rest"),
         pytest.param((0.2, 0.5), (0.9, 0.4), (0.4, 0.1), "blue", id="the other partly hidden"),
         pytest.param((0.2, 0.5), (0.9, 0.16), (0.9, 0.0), "blue", id="a weak score will do"),
-        pytest.param((0.2, 0.5), (0.9, 0.14), (0.9, 0.0), None, id="too weak a score"),
-        pytest.param((0.2, 0.5), (0.9, 0.4), (0.6, 0.3), None, id="both still there"),
+        pytest.param((0.2, 0.5), (0.9, 0.14), (0.9, 0.0), "nothing moved", id="too weak a score"),
+        pytest.param((0.2, 0.5), (0.9, 0.4), (0.6, 0.3), "nothing moved", id="both still there"),
+        pytest.param(
+            (0.2, 0.5), (0.14, 0.14), (0.0, 0.0), "I know none of the objects that I see.", id="both too weak"
+        ),
     ],
 )
 def test_describe_takes_what_is_gone_from_its_place(
@@ -339,7 +342,7 @@ def test_describe_takes_what_is_gone_from_its_place(
     places: tuple[float, float],
     before: tuple[float, float],
     after: tuple[float, float],
-    expected: str | None,
+    expected: str,
 ) -> None:
     class Scores:
         """Finds both labels at `places`, in the first frame, and there in the last one."""
@@ -368,11 +371,11 @@ def test_describe_takes_what_is_gone_from_its_place(
     asked = record_prompts(policy, monkeypatch)
     batch = observe_finished()
     texts = policy.describe(batch, labels=["cyan", "blue"])
-    if expected:
+    if expected in ("cyan", "blue"):
         assert asked == [f"describe: {expected}"]
-        assert texts != ["nothing moved"]
+        assert not {*texts} & {NOTHING_MOVED, NOTHING_KNOWN}
     else:
-        assert texts == ["nothing moved"]
+        assert texts == [expected]
 
 
 @pytest.mark.parametrize(
@@ -420,3 +423,20 @@ def test_repeat_action_and_translate(t5: Path, dataset: LeRobotDataset) -> None:
     texts = policy.translate(["The Commission met.", "Good morning"], batch)
     assert len(texts) == 2
     assert all(isinstance(text, str) for text in texts)
+
+
+def test_a_mode_that_was_never_trained_is_refused_by_name(t5: Path, dataset: LeRobotDataset) -> None:
+    policy = make_policy(t5, trained_modes=["execute"])
+    policy.select_action(observe(["push red"]))
+    batch = load_batch(dataset.root, [0], lambda batch: batch, finished=ENDS)
+    for mode, ask in (
+        ("translate", lambda: policy.translate(["The mug is here."])),
+        ("describe", lambda: policy.describe(batch)),
+        ("repeat_action", lambda: policy.repeat_action(batch)),
+    ):
+        with pytest.raises(ValueError, match=rf"never trained in the mode '{mode}', only in \['execute'\]"):
+            ask()
+    policy.config.trained_modes = ["describe"]
+    policy.reset()
+    with pytest.raises(ValueError, match="never trained in the mode 'execute'"):
+        policy.select_action(observe(["push red"]))

@@ -216,6 +216,22 @@ def test_prompts_and_targets_of_a_mode(dataset: LeRobotDataset, mode: str) -> No
                 assert target == ""
 
 
+def test_a_checkpoint_names_the_modes_that_training_drew(tmp_path: Path, t5: Path) -> None:
+    silent = make_dataset(tmp_path / "data", episodes=2, texts=False)
+    shares = {"execute": 0.5, "repeat_action": 0.4, "translate": 0.5}
+    policy, preprocess, _ = make(silent, t5, mode_probabilities=shares)
+    batch = load_batch(silent.root, [0, 3, 7, 9, 11, 14], preprocess)
+    policy.eval().forward(batch)
+    assert policy.config.trained_modes is None  # a look is no training
+    for _ in range(5):
+        policy.train().forward(batch)
+    policy.save_pretrained(tmp_path / "checkpoint")
+    loaded = OWLxT5Policy.from_pretrained(tmp_path / "checkpoint")
+    assert loaded.config.trained_modes == ["execute", "repeat_action"]
+    with pytest.raises(ValueError, match=r"'translate'.*on data with sentences"):
+        loaded.translate(["The mug is here."])
+
+
 @pytest.mark.parametrize(
     ("embedded", "learns", "expected"), [(False, False, False), (False, True, True), (True, False, True)]
 )

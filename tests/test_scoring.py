@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nico_tabletop.scoring import Outcome, judge
+from nico_tabletop.scoring import Failure, Outcome, judge, why_it_failed
 from nico_tabletop.tasks import ACTIONS, find_action
 
 START = np.array([[0.3, 0.15, 0.5], [0.34, 0.0, 0.5], [0.3, -0.15, 0.5]])
@@ -38,6 +38,23 @@ def test_another_object_that_moves_is_a_failure():
     assert judge(find_action("PUSH-M"), START, end) is Outcome.PERFECT
     end[2, 1] -= 0.002
     assert judge(find_action("PUSH-M"), START, end) is Outcome.FAILURE
+
+
+@pytest.mark.parametrize(
+    ("slot", "dx", "held_still", "expected"),
+    [
+        (1, 0.0, True, Failure.REFUSED),
+        (1, 0.004, False, Failure.MISSED),
+        (1, -0.006, False, Failure.MOVED_WRONGLY),  # the right object, the wrong way
+        (2, 0.009, False, Failure.MISSED),
+        (2, 0.011, False, Failure.MOVED_WRONGLY),  # another object
+    ],
+)
+def test_failures_are_told_apart(slot: int, dx: float, held_still: bool, expected: Failure):
+    end = moved(slot, dx, 0.0)
+    action = find_action("PUSH-M")
+    assert judge(action, START, end) is Outcome.FAILURE
+    assert why_it_failed(action, START, end, held_still=held_still) is expected
 
 
 @given(

@@ -212,7 +212,32 @@ def test_an_episode_ends_with_its_outcome_and_names_its_task():
     for step in range(EPISODE_STEPS):
         _, reward, terminated, truncated, info = env.step(INITIAL_POSE_DEG.astype(np.float32))
         assert (terminated, truncated) == (False, step == EPISODE_STEPS - 1)
-    assert (reward, info) == (0.0, {"is_success": False, "outcome": "failure"})
+    assert (reward, info) == (0.0, {"is_success": False, "outcome": "failure", "failure": "refused"})
+    env.close()
+
+
+def test_an_episode_is_judged_by_the_task_that_it_is_given():
+    env = TabletopEnv("PUSH-L", "claeo", height=48, width=64)
+    for seed in range(5):
+        _, info = env.reset(seed=seed, options={"task": "move-sideways-to-left cup"})  # two synonyms
+        slot = info["arrangement"].index("mug")
+        assert env.task == ("SLIDE-L-L", "SLIDE-M-L", "SLIDE-R-L")[slot]
+        assert env.task_description == "slide-to-left mug"
+    env.reset(seed=0)
+    assert env.task == "PUSH-L"  # of this environment, when no task is given
+    with pytest.raises(ValueError, match=r"no task is called 'lift mug'.*push.*mug.*such as 'push mustard"):
+        env.reset(options={"task": "lift mug"})
+    with pytest.raises(ValueError, match="the task 'push mug' needs a mug"):
+        env.reset(options={"task": "push mug", "arrangement": ("can", "ball", "mustard bottle")})
+    env.close()
+
+
+def test_a_video_shows_the_command():
+    env = TabletopEnv("PUSH-L", "claeo", height=48, width=64)
+    env.reset(seed=0)
+    scene = env._simulation.render(SPECTATOR, 360, 480)
+    changed = (env.render() != scene).any(axis=(1, 2))
+    assert changed[:40].any() and not changed[40:].any()
     env.close()
 
 

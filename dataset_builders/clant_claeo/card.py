@@ -119,7 +119,7 @@ def write_card(root: Path, repo_id: str, build: Build) -> None:
             license_name="not-stated-by-its-authors" if build.release else None,
             license_link=_RELEASE_PAGE if build.release else None,
             pretty_name=build.name.upper(),
-            language=["en", "de"] if build.release else ["en"],
+            language=["en", "de"],
             task_categories=["robotics"],
             tags=["LeRobot", "NICO", "humanoid", "simulation", "vision-language-action"],
             configs=[{"config_name": "default", "data_files": "data/*/*.parquet"}],

@@ -34,7 +34,7 @@ class DatasetConfig:
     source: str = "scripted"
     # Where the scripted expert's objects stand: `slots`, or `free`: anywhere in reach, at any yaw.
     placement: str = "slots"
-    # Seed of the free placement.
+    # Seed of the free placement, and of the scripted source's sentences to translate.
     seed: int = 0
     # Name on the Hub; `local/<objects>` when unset.
     repo_id: str | None = None

@@ -13,9 +13,11 @@ from nico_tabletop.placement import SLOT_POSES, Poses, find_placement
 from nico_tabletop.tasks import ACTIONS, Action, arrangements, find_action
 
 from .release import Arrangement, Release, Split
+from .sentences import sentence_about
 from .wordings import wordings
 
 _ARRANGEMENTS = 120  # of CLANT: all ordered triples of its six cubes
+_OF_SENTENCES = 1  # tells their random numbers from those of the poses
 
 
 # The slots are the same in all arrangements: twelve plans serve 1440 demonstrations.
@@ -36,7 +38,7 @@ class Demonstration:
         poses: Where they stand.
         recorded: The release's trajectory, see `joints`; None: the expert plans one when it is asked for.
         wordings: The accepted commands, the canonical one first.
-        translation: An English sentence and its German translation, if the source has one.
+        translation: An English sentence and its German translation.
         split: `train` or `test`.
     """
 
@@ -45,7 +47,7 @@ class Demonstration:
     poses: Poses
     recorded: NDArray[np.float64] | None
     wordings: tuple[str, ...]
-    translation: tuple[str, str] | None
+    translation: tuple[str, str]
     split: Split
 
     @property
@@ -103,13 +105,14 @@ def _spread(names: tuple[str, ...]) -> list[Arrangement]:
 
 
 def scripted(objects: str, placement: str = "slots", seed: int = 0) -> Iterator[Demonstration]:
-    """The twelve actions in 120 arrangements, acted by the scripted expert; no translations.
+    """The twelve actions in 120 arrangements, acted by the scripted expert.
 
     Six objects have just 120 arrangements; of more objects 120 are drawn, with a fixed seed, and fewer than
     six have fewer (our decision).
 
     Placement `free` (see `nico_tabletop.placement`) gives the k-th demonstration poses of its own, drawn from
-    `numpy.random.default_rng((seed, k))`: the same ones for all objects.
+    `numpy.random.default_rng((seed, k))`: the same ones for all objects. Its sentence to translate is
+    about its objects, drawn from a generator of its own.
 
     Each action has 30 test episodes, as in the release: those whose arrangement's and action's numbers add up
     to a multiple of four (our decision).
@@ -117,7 +120,7 @@ def scripted(objects: str, placement: str = "slots", seed: int = 0) -> Iterator[
     Args:
         objects: Name of a shipped set, such as `claeo`, or path of a YAML file.
         placement: `slots` or `free`.
-        seed: Of the free placement.
+        seed: Of the free placement and of the sentences.
 
     Raises:
         ModuleNotFoundError: If the extra `scripted` (mink) is not installed.
@@ -131,5 +134,7 @@ def scripted(objects: str, placement: str = "slots", seed: int = 0) -> Iterator[
         for index, action in enumerate(ACTIONS):
             split: Split = "test" if (number + index) % 4 == 0 else "train"
             words = wordings(action, items[arrangement[action.slot]])
-            poses = draw(np.random.default_rng((seed, len(ACTIONS) * number + index)))
-            yield Demonstration(action, arrangement, poses, None, words, None, split)
+            k = len(ACTIONS) * number + index
+            poses = draw(np.random.default_rng((seed, k)))
+            sentence = sentence_about(arrangement, np.random.default_rng((seed, k, _OF_SENTENCES)))
+            yield Demonstration(action, arrangement, poses, None, words, sentence, split)

@@ -242,8 +242,7 @@ def _language_rows(
         "split": demonstration.split,
     }
     rows = [("user", "task_aug", wording) for wording in demonstration.wordings]
-    if demonstration.translation:
-        english, german = demonstration.translation
-        rows += [("user", "translation", english), ("assistant", "translation", german)]
+    english, german = demonstration.translation
+    rows += [("user", "translation", english), ("assistant", "translation", german)]
     rows.append(("user", "scene", json.dumps(scene, ensure_ascii=False)))
     return [{"role": role, "style": style, "content": text, "timestamp": 0.0} for role, style, text in rows]

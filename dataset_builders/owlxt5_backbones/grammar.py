@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """English sentences about things on a table, and the same in German: our own words, our own grammar."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -224,9 +225,17 @@ def draw_thing(rng: np.random.Generator) -> Thing:
     return Thing(noun, choice(rng, tuple(ADJECTIVES)) if rng.random() < _SHARE_WITH_ADJECTIVE else None)
 
 
-def draw_translation(rng: np.random.Generator) -> tuple[str, str]:
-    """Draw an English sentence and its German translation."""
-    return choice(rng, _SENTENCES)(rng)
+type Draw = Callable[[np.random.Generator], Thing]
+
+
+def draw_translation(rng: np.random.Generator, draw: Draw = draw_thing) -> tuple[str, str]:
+    """Draw an English sentence and its German translation.
+
+    Args:
+        rng: Draws everything.
+        draw: Draws each of the things, at most two, that the sentence is about.
+    """
+    return choice(rng, _SENTENCES)(rng, draw)
 
 
 def _joined(*words: str) -> str:
@@ -238,23 +247,23 @@ def capital(text: str) -> str:
     return text[0].upper() + text[1:]
 
 
-def _command(rng: np.random.Generator) -> tuple[str, str]:
-    thing, verb = draw_thing(rng), choice(rng, TRANSLATED_VERBS)
+def _command(rng: np.random.Generator, draw: Draw) -> tuple[str, str]:
+    thing, verb = draw(rng), choice(rng, TRANSLATED_VERBS)
     return (
         verb.english.format(f"the {thing.english}"),
         _joined(verb.imperative, thing.german("accusative"), verb.rest),
     )
 
 
-def _polite_command(rng: np.random.Generator) -> tuple[str, str]:
-    thing, verb = draw_thing(rng), choice(rng, TRANSLATED_VERBS)
+def _polite_command(rng: np.random.Generator, draw: Draw) -> tuple[str, str]:
+    thing, verb = draw(rng), choice(rng, TRANSLATED_VERBS)
     command = verb.english.format(f"the {thing.english}")
     english = f"please {command}" if rng.random() < 0.5 else f"{command}, please"
     return english, _joined(verb.imperative, "bitte", thing.german("accusative"), verb.rest)
 
 
-def _request(rng: np.random.Generator) -> tuple[str, str]:
-    thing, verb = draw_thing(rng), choice(rng, TRANSLATED_VERBS)
+def _request(rng: np.random.Generator, draw: Draw) -> tuple[str, str]:
+    thing, verb = draw(rng), choice(rng, TRANSLATED_VERBS)
     asks = (("can you", "Kannst du"), ("could you", "Könntest du"), ("will you", "Wirst du"))
     english, german = choice(rng, asks)
     return (
@@ -263,34 +272,34 @@ def _request(rng: np.random.Generator) -> tuple[str, str]:
     )
 
 
-def _report(rng: np.random.Generator) -> tuple[str, str]:
-    thing, verb = draw_thing(rng), choice(rng, TRANSLATED_VERBS)
+def _report(rng: np.random.Generator, draw: Draw) -> tuple[str, str]:
+    thing, verb = draw(rng), choice(rng, TRANSLATED_VERBS)
     return (
         f"I {verb.past.format(f'the {thing.english}')}.",
         f"Ich habe {thing.german('accusative')} {verb.participle}.",
     )
 
 
-def _unseen(rng: np.random.Generator) -> tuple[str, str]:
-    thing = draw_thing(rng)
+def _unseen(rng: np.random.Generator, draw: Draw) -> tuple[str, str]:
+    thing = draw(rng)
     return f"I cannot see {thing.english_a}.", f"Ich kann {thing.german('accusative', none=True)} sehen."
 
 
-def _where(rng: np.random.Generator) -> tuple[str, str]:
-    thing = draw_thing(rng)
+def _where(rng: np.random.Generator, draw: Draw) -> tuple[str, str]:
+    thing = draw(rng)
     return f"where is the {thing.english}?", f"Wo ist {thing.german('nominative')}?"
 
 
-def _property(rng: np.random.Generator) -> tuple[str, str]:
-    thing, adjective = draw_thing(rng), choice(rng, tuple(ADJECTIVES))
+def _property(rng: np.random.Generator, draw: Draw) -> tuple[str, str]:
+    thing, adjective = draw(rng), choice(rng, tuple(ADJECTIVES))
     german, property_ = thing.german("nominative"), ADJECTIVES[adjective]
     if rng.random() < 0.3:
         return f"is the {thing.english} {adjective}?", f"Ist {german} {property_}?"
     return f"the {thing.english} is {adjective}.", f"{capital(german)} ist {property_}."
 
 
-def _place(rng: np.random.Generator) -> tuple[str, str]:
-    thing, other = draw_thing(rng), draw_thing(rng)
+def _place(rng: np.random.Generator, draw: Draw) -> tuple[str, str]:
+    thing, other = draw(rng), draw(rng)
     english, german = choice(rng, PLACES)
     subject = thing.german("nominative")
     return (
@@ -299,8 +308,8 @@ def _place(rng: np.random.Generator) -> tuple[str, str]:
     )
 
 
-def _existence(rng: np.random.Generator) -> tuple[str, str]:
-    thing = draw_thing(rng)
+def _existence(rng: np.random.Generator, draw: Draw) -> tuple[str, str]:
+    thing = draw(rng)
     return (
         f"there is {thing.english_a} on the table.",
         f"Auf dem Tisch ist {thing.german('nominative', definite=False)}.",

@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -15,6 +16,7 @@ from .drawing import check_image_size
 from .env import TabletopEnv
 from .objects import read_objects
 from .placement import find_placement
+from .record import EPISODES
 from .robot import EYES, JOINT_NAMES
 from .simulation import CONTROL_HZ
 from .tasks import ACTIONS, find_action
@@ -32,6 +34,8 @@ class TabletopEnvConfig(EnvConfig):
         observation_width: Columns of the eyes' image.
         objects: Objects on the table: the name of a shipped set (`clant`, `claeo`, `household`) or the path
             of a YAML file (docs/objects.md).
+        output_dir: Folder for `episodes.jsonl`, which says what became of each episode; give it the value of
+            `--output_dir`, as LeRobot tells an environment nothing of it.
     """
 
     task: str | None = None
@@ -40,6 +44,7 @@ class TabletopEnvConfig(EnvConfig):
     observation_height: int = 240
     observation_width: int = 320
     objects: str = "clant"
+    output_dir: str | None = None
     features: dict[str, PolicyFeature] = field(default_factory=dict)
     features_map: dict[str, str] = field(
         default_factory=lambda: {
@@ -66,16 +71,21 @@ class TabletopEnvConfig(EnvConfig):
             "height": self.observation_height,
             "width": self.observation_width,
             "placement": self.placement,
+            "record": None if self.output_dir is None else str(Path(self.output_dir) / EPISODES),
         }
 
     def create_envs(
         self, n_envs: int, use_async_envs: bool = False
     ) -> dict[str, dict[int, gym.vector.VectorEnv]]:
-        """One vector environment per action: {environment type: {task id: environments}}.
+        """One vector environment per action: {objects: {task id: environments}}.
+
+        LeRobot calls the outer key a task group and files results under it: the name of the set of objects,
+        or that of the YAML file without its ending.
 
         Raises:
             ValueError: If `task` names an unknown action, `placement` is unknown, images or `fps` cannot be
                 had, or the objects cannot be used.
+            OSError: If nothing can be written to `output_dir`.
         """
         # Asynchronous environments would find out in their workers.
         check_image_size(self.observation_height, self.observation_width)
@@ -83,6 +93,9 @@ class TabletopEnvConfig(EnvConfig):
             raise ValueError(f"the world runs at {CONTROL_HZ} frames per second; got --env.fps={self.fps}")
         find_placement(self.placement)
         read_objects(self.objects)
+        if self.output_dir is not None:
+            Path(self.output_dir).mkdir(parents=True, exist_ok=True)
+            (Path(self.output_dir) / EPISODES).write_text("", encoding="utf-8")
         chosen = [find_action(name) for name in self.task.split(",")] if self.task else ACTIONS
         envs: dict[int, Any] = {}
         for action in chosen:
@@ -92,7 +105,7 @@ class TabletopEnvConfig(EnvConfig):
             envs[ACTIONS.index(action)] = (_LazyAsyncVectorEnv if asynchronous else gym.vector.SyncVectorEnv)(
                 makers
             )
-        return {self.type: envs}
+        return {Path(self.objects).stem: envs}
 
 
 @EnvConfig.register_subclass("clant")

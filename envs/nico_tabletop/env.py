@@ -1,24 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
 """One CLANT action as a Gymnasium environment."""
 
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
 
 from .drawing import check_image_size
 from .objects import NAME_BYTES, read_objects
 from .placement import Pose, find_placement
+from .record import Episode, add_episode
 from .robot import EYES, INITIAL_POSE_DEG, joint_limits_deg
 from .scene import SPECTATOR
-from .scoring import judge
+from .scoring import Outcome, judge, why_it_failed
 from .simulation import CONTROL_HZ, TabletopSimulation
-from .tasks import EPISODE_STEPS, SLOTS, arrangements, find_action
+from .tasks import EPISODE_STEPS, SLOTS, Action, arrangements, find_action, find_task
 
 DESCRIPTION_SIZE = len(SLOTS) * (4 + NAME_BYTES)
 """Length of what `describe_objects` returns."""
+
+HELD_STILL_DEG = 1.0
+"""A robot that is never told to move any joint farther than this from its initial pose holds still."""
 
 
 def describe_objects(boxes: NDArray[np.float64], names: tuple[str, ...]) -> NDArray[np.float32]:
@@ -47,11 +53,13 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
     Action: float32 (10,), joint targets in degrees, one per 0.1 s, in the order of `robot.JOINT_NAMES`.
     Targets beyond the joint limits are clipped; NaN and infinity raise `JointTargetError`.
 
-    An episode ends after `EPISODE_STEPS` steps. Then `info` has `is_success` and `outcome`, and the reward
-    is 1 for a perfect, 0.5 for a successful outcome.
+    An episode ends after `EPISODE_STEPS` steps. Then `info` has `is_success`, `outcome` and, if it failed,
+    `failure` (`scoring.Failure`), and the reward is 1 for a perfect, 0.5 for a successful outcome.
 
     `reset(options={"arrangement": (left, middle, right)})` names the objects instead of drawing them, and
     `options={"poses": ((x, y, yaw), …)}` says how they stand, see `placement.Pose`. Reset's info has both.
+    `options={"task": "push mug"}` judges this episode by a task in CLANT's words in place of `action`; an
+    arrangement that is drawn has its object.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": CONTROL_HZ}  # noqa: RUF012  Gymnasium's own attribute
@@ -64,6 +72,7 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         width: int = 320,
         placement: str = "slots",
         render_mode: str = "rgb_array",
+        record: str | Path | None = None,
     ) -> None:
         """Make the environment; the GL context comes with the first image.
 
@@ -74,6 +83,7 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
             width: Columns of the eyes' image.
             placement: `slots` (CLANT's three places) or `free` (drawn anew in each reset, `draw_poses`).
             render_mode: Gymnasium's; `rgb_array` is the only one.
+            record: File to which each finished episode is added, see `record.Episode`.
 
         Raises:
             ValueError: If there is no such action, placement or render mode, the image is too small or too
@@ -82,12 +92,16 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         if render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode must be rgb_array; got {render_mode!r}")
         self.render_mode = render_mode
-        self.action = find_action(action)
+        self._own_action = self.action = find_action(action)
+        self._objects = objects
+        self._record = None if record is None else Path(record)
         self._draw_poses = find_placement(placement)
         check_image_size(height, width)
         self._size = (height, width)
         self._max_episode_steps = EPISODE_STEPS
-        self._simulation = TabletopSimulation(read_objects(objects))
+        items = read_objects(objects)
+        self._names = {word: item.name for item in items for word in (item.name, *item.synonyms)}
+        self._simulation = TabletopSimulation(items)
         self._step = 0
         limits = joint_limits_deg().astype(np.float32)
         self.action_space = spaces.Box(limits[:, 0], limits[:, 1], dtype=np.float32)
@@ -112,18 +126,31 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Place three objects and return to the initial pose; see the class for the observation."""
+        """Place three objects and return to the initial pose; see the class for observation and options.
+
+        Raises:
+            ValueError: If an option cannot be met.
+        """
         super().reset(seed=seed)
         options = options or {}
-        arrangement = options.get("arrangement")
+        arrangement, task = options.get("arrangement"), options.get("task")
+        verb, target = find_task(task, self._names) if task else (None, None)
         if arrangement is None:
             choices = arrangements(tuple(self._simulation.objects))
+            choices = [each for each in choices if target is None or target in each]
             arrangement = choices[self.np_random.integers(len(choices))]
         poses = options.get("poses")
         if poses is None:
             poses = self._draw_poses(self.np_random)
         poses = tuple(Pose(*pose) for pose in poses)
         self._simulation.reset(arrangement, poses)
+        if target is not None and target not in self._simulation.arrangement:
+            raise ValueError(f"the task {task!r} needs a {target}, but there are {list(arrangement)}")
+        self.action = (
+            self._own_action if verb is None else Action(self._simulation.arrangement.index(target), verb)
+        )
+        self._seed = seed
+        self._held_still = True
         self._start = self._simulation.object_positions()
         self._step = 0
         return self._observation(), {"arrangement": self._simulation.arrangement, "poses": poses}
@@ -131,11 +158,29 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Follow the joint targets for 0.1 s; see the class for observation, reward and info."""
         self._simulation.step(action)
+        self._held_still &= bool(np.abs(action - INITIAL_POSE_DEG).max() <= HELD_STILL_DEG)
         self._step += 1
         if self._step < EPISODE_STEPS:
             return self._observation(), 0.0, False, False, {"is_success": False}
-        outcome = judge(self.action, self._start, self._simulation.object_positions())
-        info = {"is_success": outcome.reward > 0, "outcome": str(outcome)}
+        end = self._simulation.object_positions()
+        outcome = judge(self.action, self._start, end)
+        info: dict[str, Any] = {"is_success": outcome.reward > 0, "outcome": str(outcome)}
+        if outcome is Outcome.FAILURE:
+            info["failure"] = str(why_it_failed(self.action, self._start, end, held_still=self._held_still))
+        if self._record is not None:
+            add_episode(
+                self._record,
+                Episode(
+                    self._seed,
+                    self._objects,
+                    self._simulation.arrangement,
+                    self.task,
+                    self.task_description,
+                    info["outcome"],
+                    info.get("failure", ""),
+                    outcome.reward,
+                ),
+            )
         return self._observation(), outcome.reward, False, True, info
 
     def _observation(self) -> dict[str, Any]:
@@ -148,8 +193,17 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         }
 
     def render(self) -> NDArray[np.uint8]:
-        """The scene as a bystander sees it, uint8 (360, 480, 3)."""
-        return self._simulation.render(SPECTATOR, 360, 480)
+        """The scene as a bystander sees it, with the command in it, uint8 (360, 480, 3)."""
+        image = Image.fromarray(self._simulation.render(SPECTATOR, 360, 480))
+        ImageDraw.Draw(image).text(
+            (8, 6),
+            self.task_description,
+            "white",
+            ImageFont.load_default(18),
+            stroke_width=2,
+            stroke_fill="black",
+        )
+        return np.asarray(image)
 
     def close(self) -> None:
         """Free the GL contexts."""

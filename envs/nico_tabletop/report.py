@@ -3,54 +3,160 @@
 
 import argparse
 import json
+import sys
 from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import av
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 from rich.console import Console
 from rich.table import Table
 
-from .scoring import Outcome
+from .record import EPISODES, Episode, read_episodes
+from .scoring import Failure, Outcome
 from .tasks import ACTIONS
 
-_FRAMES, _ROWS = 4, 3  # of a video, and videos of an environment type, in the image
+_FRAMES, _ROWS = 4, 3  # of a video, and videos of an evaluation, in the image
+_WIDTH, _HEIGHT, _LINE = 1280, 240, 26  # of a row of frames, and of the line above it
 
 
-def outcomes(info: dict[str, Any]) -> dict[str, dict[str, Counter[Outcome]]]:
-    """Count outcomes by environment type and action.
+@dataclass(frozen=True)
+class Trial:
+    """An evaluated episode.
+
+    Attributes:
+        action: CLANT's name of what was to be done.
+        outcome: How it went.
+        video: Where LeRobot put its video; None if it has none.
+        episode: What the environment recorded of it; None if it recorded nothing.
+    """
+
+    action: str
+    outcome: Outcome
+    video: Path | None
+    episode: Episode | None
+
+    @property
+    def title(self) -> str:
+        """One line on what happened."""
+        if (episode := self.episode) is None:
+            return f"{self.action}: {self.outcome}"
+        scene = ", ".join(episode.arrangement)
+        words = f"{self.action}, seed {episode.seed}, “{episode.task}” ({scene}): {self.outcome}"
+        return f"{words}, {episode.failure}" if episode.failure else words
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The episodes of an `eval_info.json`.
+
+    Attributes:
+        objects: The set of objects, LeRobot's task group.
+        folder: Where the file lies.
+        trials: In LeRobot's order.
+    """
+
+    objects: str
+    folder: Path
+    trials: list[Trial]
+
+    @property
+    def recorded(self) -> bool:
+        """Whether it is known why episodes failed."""
+        return all(trial.episode for trial in self.trials if trial.outcome is Outcome.FAILURE)
+
+
+def read_evaluations(path: Path) -> Iterator[Evaluation]:
+    """Read an `eval_info.json`, and the record of its episodes if it lies beside it.
 
     `lerobot-eval` keeps the sum of rewards of each episode; the environment pays `Outcome.reward` once.
 
-    Args:
-        info: Contents of an `eval_info.json`.
+    Raises:
+        OSError: If it cannot be read.
+        ValueError: If it is of other environments, or no such file.
     """
+    try:
+        yield from _read_evaluations(path)
+    except (ValueError, KeyError, IndexError, TypeError) as error:
+        raise ValueError(
+            f"{path} is no eval_info.json of lerobot-eval with --env.type=clant or claeo ({error!r})"
+        ) from None
+
+
+def _read_evaluations(path: Path) -> Iterator[Evaluation]:
+    folder = path.parent
     of_reward = {outcome.reward: outcome for outcome in Outcome}
-    found: dict[str, dict[str, Counter[Outcome]]] = {}
-    for task in info["per_task"]:
-        rewards = task["metrics"]["sum_rewards"]
-        action = ACTIONS[task["task_id"]].name
-        found.setdefault(task["task_group"], {})[action] = Counter(of_reward[reward] for reward in rewards)
-    return found
+    record = list(read_episodes(folder / EPISODES)) if (folder / EPISODES).exists() else []
+    trials: dict[str, list[Trial]] = {}
+    for task in json.loads(path.read_text(encoding="utf-8"))["per_task"]:
+        metrics: dict[str, Any] = task["metrics"]
+        action, rewards = ACTIONS[task["task_id"]].name, metrics["sum_rewards"]
+        # In batches LeRobot runs more episodes than it counts, and workers end theirs in any order.
+        episodes = sorted(
+            (episode for episode in record if episode.action == action), key=lambda episode: episode.seed or 0
+        )[: len(rewards)]
+        if [episode.reward for episode in episodes] != rewards:  # none, or those of another run
+            episodes = []
+        # LeRobot's paths begin where it ran; their last three parts lie beside `eval_info.json`.
+        videos = [folder / Path(*Path(video).parts[-3:]) for video in metrics.get("video_paths", [])]
+        trials.setdefault(task["task_group"], []).extend(
+            Trial(
+                action,
+                of_reward[reward],
+                videos[number] if number < len(videos) else None,
+                episodes[number] if episodes else None,
+            )
+            for number, reward in enumerate(rewards)
+        )
+    yield from (Evaluation(objects, folder, each) for objects, each in trials.items())
 
 
-def outcome_table(by_type: dict[str, dict[str, Counter[Outcome]]]) -> Table:
-    """A row for each action and one for each environment type."""
+def outcome_table(evaluations: Sequence[Evaluation]) -> Table:
+    """A row for each action and one for each evaluation; failures by kind where they were recorded."""
     table = Table(title="Outcomes")
-    for heading in ("environment", "action", "episodes", *Outcome, "success"):
-        table.add_column(str(heading), justify="left" if heading in ("environment", "action") else "right")
-    for environment, by_action in by_type.items():
-        total: Counter[Outcome] = sum(by_action.values(), Counter())
-        for action, count in [*by_action.items(), ("all", total)]:
-            success = 1 - count[Outcome.FAILURE] / count.total()
-            cells = [str(count.total()), *(str(count[outcome]) for outcome in Outcome), f"{success:.0%}"]
+    for heading in ("objects", "action", "episodes", *Outcome, *Failure, "success"):
+        table.add_column(str(heading), justify="left" if heading in ("objects", "action") else "right")
+    for evaluation in evaluations:
+        by_action: dict[str, list[Trial]] = {}
+        for trial in evaluation.trials:
+            by_action.setdefault(trial.action, []).append(trial)
+        for action, trials in [*by_action.items(), ("all", evaluation.trials)]:
+            count = Counter(trial.outcome for trial in trials)
+            kinds = Counter(trial.episode.failure for trial in trials if trial.episode)
+            cells = [str(count.total()), *(str(count[outcome]) for outcome in Outcome)]
+            known = not count[Outcome.FAILURE] or evaluation.recorded
+            cells += [str(kinds[kind]) if known else "?" for kind in Failure]
+            success = f"{1 - count[Outcome.FAILURE] / count.total():.0%}"
             total_row = action == "all"
             style = "bold" if total_row else ""
-            table.add_row(environment, action, *cells, style=style, end_section=total_row)
+            table.add_row(evaluation.objects, action, *cells, success, style=style, end_section=total_row)
     return table
+
+
+def picture(evaluations: Sequence[Evaluation]) -> Image.Image | None:
+    """A row of frames for some videos of each evaluation, failures first; None without any video."""
+    rows = []
+    for evaluation in evaluations:
+        filmed = [trial for trial in evaluation.trials if trial.video and trial.video.exists()]
+        failed = [trial for trial in filmed if trial.outcome is Outcome.FAILURE]
+        spread = [trial for trial in filmed if trial not in failed]
+        spread = spread[:: max(1, len(spread) // _ROWS)]
+        rows += [(f"{evaluation.objects} {trial.title}", trial.video) for trial in [*failed, *spread][:_ROWS]]
+    if not rows:
+        return None
+    image = Image.new("RGB", (_WIDTH, (_HEIGHT + _LINE) * len(rows)), "white")
+    draw, font = ImageDraw.Draw(image), ImageFont.load_default(17)
+    for number, (title, video) in enumerate(rows):
+        top = number * (_HEIGHT + _LINE)
+        draw.text((6, top + 2), title, "black", font)
+        assert video is not None
+        image.paste(Image.fromarray(_frames(video)).resize((_WIDTH, _HEIGHT)), (0, top + _LINE))
+    return image
 
 
 def _frames(video: Path) -> NDArray[np.uint8]:
@@ -62,24 +168,32 @@ def _frames(video: Path) -> NDArray[np.uint8]:
 
 
 def main() -> None:
-    """Print the table, and save an image with a row of frames for some of the videos."""
+    """Print outcomes and failures, and save an image with a row of frames for some of the videos."""
     parser = argparse.ArgumentParser(prog="python -m nico_tabletop.report", description=main.__doc__)
     parser.add_argument("eval_info", nargs="+", type=Path, help="eval_info.json of lerobot-eval")
     parser.add_argument("--image", type=Path, required=True, help="PNG file to write")
     arguments = parser.parse_args()
-    by_type: dict[str, dict[str, Counter[Outcome]]] = {}
-    rows = []
-    for path in arguments.eval_info:
-        info = json.loads(path.read_text(encoding="utf-8"))
-        by_type |= outcomes(info)
-        videos = [paths[0] for task in info["per_task"] if (paths := task["metrics"]["video_paths"])]
-        rows += [_frames(Path(video)) for video in videos[:: max(1, len(videos) // _ROWS)][:_ROWS]]
-    Image.fromarray(np.concatenate(rows)).resize((1280, 240 * len(rows))).save(arguments.image)
-    console = Console()
-    console.print(outcome_table(by_type))
-    for path in arguments.eval_info:
-        console.print(f"Videos: {path.parent / 'videos'}", soft_wrap=True)
-    console.print(f"Image: {arguments.image}", soft_wrap=True)
+    try:
+        evaluations = [each for path in arguments.eval_info for each in read_evaluations(path)]
+        image = picture(evaluations)
+        if image is not None:
+            image.save(arguments.image)
+    except (OSError, ValueError) as error:
+        sys.exit(f"nico_tabletop.report: {error}")
+    console = Console(highlight=False)
+    console.print(outcome_table(evaluations))
+    for evaluation in evaluations:
+        for trial in evaluation.trials:
+            if trial.outcome is Outcome.FAILURE:
+                console.print(f"{evaluation.objects} {trial.title}", soft_wrap=True, markup=False)
+    if not all(evaluation.recorded for evaluation in evaluations):
+        hint = "run lerobot-eval with --env.output_dir=<its --output_dir>"
+        console.print(f"Why episodes failed (?) is not recorded: {hint}.", soft_wrap=True)
+    for folder in dict.fromkeys(evaluation.folder for evaluation in evaluations):
+        console.print(f"Videos: {folder / 'videos'}", soft_wrap=True)
+    console.print(
+        "No image: there are no videos." if image is None else f"Image: {arguments.image}", soft_wrap=True
+    )
 
 
 if __name__ == "__main__":

@@ -34,6 +34,17 @@ class Outcome(StrEnum):
         return {Outcome.PERFECT: 1.0, Outcome.SUCCESSFUL: 0.5, Outcome.FAILURE: 0.0}[self]
 
 
+class Failure(StrEnum):
+    """In which way an action failed."""
+
+    REFUSED = "refused"
+    """The robot held still."""
+    MISSED = "missed"
+    """It moved, and no object did."""
+    MOVED_WRONGLY = "moved wrongly"
+    """An object moved that should not, or another way than it should."""
+
+
 def judge(action: Action, start: NDArray[np.float64], end: NDArray[np.float64]) -> Outcome:
     """Compare the objects' places before and after an action.
 
@@ -54,3 +65,22 @@ def judge(action: Action, start: NDArray[np.float64], end: NDArray[np.float64]) 
     if moved < TARGET_MOVED or not right_way or (others >= OTHER_MOVED).any():
         return Outcome.FAILURE
     return Outcome.PERFECT if moved >= PERFECT_DISTANCE else Outcome.SUCCESSFUL
+
+
+def why_it_failed(
+    action: Action, start: NDArray[np.float64], end: NDArray[np.float64], *, held_still: bool
+) -> Failure:
+    """Say in which way an action failed.
+
+    Args:
+        action: What was to be done.
+        start: Object positions before, shape (3, 3), metres, by slot.
+        end: Object positions after, the same shape.
+        held_still: Whether the robot was told to stay in its pose all the time.
+    """
+    if held_still:
+        return Failure.REFUSED
+    distance = np.linalg.norm((end - start)[:, :2], axis=1)
+    least = np.full(len(distance), OTHER_MOVED)
+    least[action.slot] = TARGET_MOVED
+    return Failure.MOVED_WRONGLY if (distance >= least).any() else Failure.MISSED

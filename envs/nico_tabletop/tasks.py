@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """CLANT's four verbs, three slots, twelve actions and 120 arrangements."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import permutations
 
@@ -69,6 +70,26 @@ def find_action(name: str) -> Action:
         if action.name == name.strip().upper():
             return action
     raise ValueError(f"no action is called {name!r}; the twelve are {', '.join(a.name for a in ACTIONS)}")
+
+
+def find_task(task: str, names: Mapping[str, str]) -> tuple[Verb, str]:
+    """The verb and the object of a command in CLANT's words, such as `push red`.
+
+    Args:
+        task: A verb's name or synonym, and an object's name or synonym.
+        names: Name of the object by name or synonym.
+
+    Raises:
+        ValueError: If it is no such command, with the words that exist.
+    """
+    word, _, name = task.partition(" ")
+    for verb in VERBS:
+        if word in (verb.name, verb.synonym) and name in names:
+            return verb, names[name]
+    raise ValueError(
+        f"no task is called {task!r}; a task is one of {', '.join(verb.name for verb in VERBS)} and one of "
+        f"{', '.join(dict.fromkeys(names.values()))}, such as 'push {next(iter(names))}'"
+    )
 
 
 def arrangements(names: tuple[str, ...]) -> list[tuple[str, str, str]]:

@@ -11,6 +11,11 @@ from .prompts import MAX_CHARACTERS, execute_prompt
 TOO_LONG = f"I hold still, because a command may have at most {MAX_CHARACTERS} characters: say it in fewer."
 TOO_FAR = "I hold still, because my arms are too far from where I learnt to begin: move them back there."
 
+NOTHING_MOVED = "nothing moved"
+"""What `describe` answers when there is nothing to describe."""
+NOTHING_KNOWN = "I know none of the objects that I see."
+"""What `describe` answers when none of the labels was in view."""
+
 
 @dataclass(frozen=True)
 class Instruction:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import torch
 from draccus.utils import ParsingError
 from lerobot.configs import PreTrainedConfig, parser
 from lerobot.configs.default import DatasetConfig
@@ -21,12 +22,19 @@ from ..command_line import check_given, explain, quote_texts, write_whatever_the
 from ..configuration_crossmodal import CrossmodalConfig
 from ..configuration_owlxt5 import GROUND_TRUTH
 from ..data.episode_store import find_long_episode
+from ..data.normalization import share_joint_range
 from ..modeling_crossmodal import CrossmodalPolicy
 from . import metrics
 from .report import Report
 from .scoring import Processor, score_policy
 
 ALL = "all"
+LIKE_TRAINED = 0.05
+"""Share of its range by which a joint's ends may differ between two datasets of the same movements."""
+OTHER_MOVEMENTS = (
+    "the joints of this dataset move in other ranges than in the checkpoint's training data, so both come "
+    "from different sources: the NRMSE compares unlike movements"
+)
 
 
 @dataclass
@@ -154,6 +162,18 @@ def choose_episodes(meta: LeRobotDatasetMetadata, split: str, among: Sequence[in
     return episodes
 
 
+def has_other_movements(postprocessor: Processor, dataset: LeRobotDataset) -> bool:
+    """Whether the joints of a dataset have other ranges than in the training data: its source is another.
+
+    A checkpoint does not name its source, but its postprocessor knows the range, as what -1 and 1 stand for.
+    """
+    here = share_joint_range(dataset.meta.stats)[ACTION]
+    ends = torch.ones(2, len(here["max"])) * torch.tensor([[-1.0], [1.0]])
+    low, high = postprocessor(ends).cpu().double().numpy()
+    off = np.maximum(np.abs(here["min"] - low), np.abs(here["max"] - high))
+    return bool((off > LIKE_TRAINED * (high - low)).any())
+
+
 def describe_run(
     config: EvaluateConfig, policy: CrossmodalConfig, dataset: LeRobotDataset
 ) -> dict[str, str | int]:
@@ -171,6 +191,7 @@ def describe_run(
         "split": config.split,
         "episodes": dataset.num_episodes,
         "seed": config.seed,
+        "modes": ", ".join(mode for mode in policy.modes if policy.was_trained_in(mode)),
         "intervals": (
             f"{metrics.CONFIDENCE:.0%}, percentile bootstrap over episodes, {metrics.RESAMPLES} resamples"
         ),
@@ -197,7 +218,10 @@ def _evaluate(config: EvaluateConfig) -> None:
     )
     stats = dataset.meta.stats[ACTION]
     rows = scores.rows(float(np.max(stats["max"]) - np.min(stats["min"])), config.seed)
-    report = Report(describe_run(config, policy.config, dataset), rows)
+    about = describe_run(config, policy.config, dataset)
+    if has_other_movements(postprocessor, dataset):
+        about["warning"] = OTHER_MOVEMENTS
+    report = Report(about, rows)
     console = Console(highlight=False)
     for name, value in report.about.items():
         console.print(f"{name}: {value}", soft_wrap=True, markup=False)

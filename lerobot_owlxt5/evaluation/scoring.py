@@ -16,12 +16,12 @@ from torch import Tensor
 from torch.utils.data import DataLoader, Subset
 from tqdm import tqdm
 
+from ..commands.instruction import NOTHING_KNOWN, NOTHING_MOVED
 from ..commands.parser import named_objects, parse_command, plain, spoken
 from ..commands.prompts import translate_prompt
 from ..commands.pseudo_names import rename_object
 from ..data.episode_store import EpisodeStore, EpisodeTexts
 from ..data.windows import recover_actions
-from ..modeling_crossmodal import NOTHING_MOVED
 from . import metrics
 from .report import Row
 from .rewording import COMMAND_KINDS, LABEL_KINDS, reword_command, reword_labels
@@ -102,7 +102,7 @@ def score_policy(
     robustness: bool,
     seed: int,
 ) -> Scores:
-    """Score a policy in all its modes, with each episode once.
+    """Score a policy in all modes that it was trained in, with each episode once.
 
     Args:
         policy: owlxt5 or crosst5.
@@ -113,6 +113,7 @@ def score_policy(
         robustness: Repeat execute and describe with words that are not in the dataset.
         seed: Seed of these words.
     """
+    modes = {mode for mode in policy.config.modes if policy.config.was_trained_in(mode)}
     texts = EpisodeStore(dataset.meta).texts
     names = named_objects(dataset.meta.tasks.index)
     labels = {AS_TRAINED: dict(zip(names, names, strict=True))}
@@ -131,8 +132,8 @@ def score_policy(
                 replace(each, wordings=each.wordings or (task,))
                 for each, task in zip(said, tasks, strict=True)
             ]
-            commands = {AS_TRAINED: tasks}
-            for kind in COMMAND_KINDS if robustness else ():
+            commands = {AS_TRAINED: tasks} if "execute" in modes else {}
+            for kind in COMMAND_KINDS if commands and robustness else ():
                 # Of each episode's own generator: the same words whatever the split and the batch size.
                 commands[kind] = [
                     reword_command(task, kind, np.random.default_rng((seed, episode)))
@@ -150,21 +151,25 @@ def score_policy(
                 moves = (plan != pose[:, None]).any(dim=(1, 2)).tolist()
                 scores.add_movements("execute", variant, postprocessor(plan).cpu(), true, lengths, moves)
                 scores.add_refused("execute", variant, (not each for each in moves))
-            plan = postprocessor(policy.repeat_action(batch)).cpu()
-            scores.add_movements("repeat action", AS_TRAINED, plan, true, lengths, [True] * len(plan))
-            for variant, names_of in labels.items():
+            if "repeat_action" in modes:
+                plan = postprocessor(policy.repeat_action(batch)).cpu()
+                scores.add_movements("repeat action", AS_TRAINED, plan, true, lengths, [True] * len(plan))
+            for variant, names_of in labels.items() if "describe" in modes else ():
                 descriptions = policy.describe(batch, labels=list(names_of.values()))
                 references = [
                     accepted_descriptions(each.wordings, names_of[parse_command(task).object])
                     for each, task in zip(said, tasks, strict=True)
                 ]
                 scores.add_texts("describe", variant, descriptions, references)
-                scores.add_refused("describe", variant, (text == NOTHING_MOVED for text in descriptions))
-            if "repeat_language" in policy.config.modes:
+                scores.add_refused(
+                    "describe", variant, (text in (NOTHING_MOVED, NOTHING_KNOWN) for text in descriptions)
+                )
+            if "repeat_language" in modes:
                 sentences = [spoken(task) for task in tasks]
                 repeated = policy.repeat_language(sentences, batch)
                 scores.add_texts("repeat language", AS_TRAINED, repeated, [[each] for each in sentences])
-            _score_translations(scores, policy, batch, said)
+            if "translate" in modes:
+                _score_translations(scores, policy, batch, said)
             bar.update(len(episodes))
     return scores
 
