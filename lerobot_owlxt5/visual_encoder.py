@@ -26,8 +26,10 @@ GONE = 0.5
 # Every so many pixels of a row and rows of an image are compared.
 PIXEL_STRIDE = 8
 # A place where nothing is seen any more may be hidden. What moved is seen elsewhere: with this share of the
-# detector's threshold, and with less than this share of its box in the old one, which would be what is left.
-SEEN_ELSEWHERE, INSIDE = 0.4, 0.7
+# detector's threshold, and with at most a share of its box in the old one, which would be what is left to see.
+# A hand hides much of what it has just moved, so what is hardly seen counts, if it is clearly elsewhere.
+SEEN_ELSEWHERE, CLEARLY_SEEN = 0.15, 0.4
+INSIDE, INSIDE_IF_CLEARLY_SEEN = 0.5, 0.7
 # A feature that varies less than this is not blown up.
 SMALLEST_RANGE = 1e-6
 
@@ -162,8 +164,9 @@ class ObjectPoint:
         others = known[:, None] & ~same_place(before.centre[:, :, None], before.centre[:, None])
         away = torch.where(others[..., None], before.centre[:, None], torch.inf)
         elsewhere = self.detector(last, asked, away=away)
-        seen = elsewhere.score >= SEEN_ELSEWHERE * self.detector.threshold
-        seen &= elsewhere.share_inside(before) < INSIDE
+        share = elsewhere.score / self.detector.threshold
+        inside = torch.where(share < CLEARLY_SEEN, INSIDE, INSIDE_IF_CLEARLY_SEEN)
+        seen = (share >= SEEN_ELSEWHERE) & (elsewhere.share_inside(before) < inside)
         moved = (still_there < GONE) & seen.gather(1, index[:, None])[:, 0]
         point = self._points(before).gather(1, index[:, None, None].expand(-1, -1, 2))
         features = torch.where(moved[:, None, None], point, 0.0)

@@ -382,7 +382,10 @@ def test_describe_takes_what_is_gone_from_its_place(
     ("box", "score", "moved"),
     [
         pytest.param((0.5, 0.4, 0.6, 0.5), 0.2, True, id="beside its place"),
-        pytest.param((0.5, 0.4, 0.6, 0.5), 0.1, False, id="hardly seen"),
+        pytest.param((0.5, 0.4, 0.6, 0.5), 0.1, True, id="beside its place, behind a hand"),
+        pytest.param((0.46, 0.4, 0.56, 0.5), 0.2, True, id="a bit aside"),
+        pytest.param((0.44, 0.4, 0.54, 0.5), 0.1, False, id="a bit aside, behind a hand"),
+        pytest.param((0.5, 0.4, 0.6, 0.5), 0.04, False, id="not seen"),
         pytest.param((0.4, 0.4, 0.43, 0.5), 0.9, False, id="the arm leaves a part of it to see"),
     ],
 )
