@@ -26,7 +26,7 @@ GONE = 0.5
 # Every so many pixels of a row and rows of an image are compared.
 PIXEL_STRIDE = 8
 # A place where nothing is seen any more may be hidden. What moved is seen elsewhere: with this share of the
-# detector's threshold, and with at most a share of its box in the old one, which would be what is left to see.
+# detector's threshold, and at most a share of its box in the old one, which would be what is left to see.
 # A hand hides much of what it has just moved, so what is hardly seen counts, if it is clearly elsewhere.
 SEEN_ELSEWHERE, CLEARLY_SEEN = 0.15, 0.4
 INSIDE, INSIDE_IF_CLEARLY_SEEN = 0.5, 0.7

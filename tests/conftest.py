@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import settings
 
 if TYPE_CHECKING:
     from lerobot.datasets import LeRobotDataset
@@ -25,6 +26,11 @@ if sys.platform == "linux":  # software rendering without a screen; must be set 
 os.environ["HF_HUB_OFFLINE"] = (
     "1"  # no test needs the network; must be set before huggingface_hub is imported
 )
+
+
+# A busy machine is slow, not wrong.
+settings.register_profile("patient", deadline=None)
+settings.load_profile("patient")
 
 
 @pytest.fixture(autouse=True)

@@ -149,11 +149,11 @@ def without_dropout(t5: Path) -> Path:
 
 
 def make_owlv2(folder: Path, **vision: int) -> Path:
-    """A tiny OWLv2 with random weights; its tokenizer knows letters alone."""
+    """A tiny OWLv2 with random weights; its tokenizer knows letters alone, and reads 32 of them."""
     letters = [*"abcdefghijklmnopqrstuvwxyz"]
     vocabulary = ["<|startoftext|>", "<|endoftext|>", *letters, *(f"{letter}</w>" for letter in letters)]
     tokenizer = CLIPTokenizerFast(
-        vocab={token: i for i, token in enumerate(vocabulary)}, merges=[], model_max_length=16
+        vocab={token: i for i, token in enumerate(vocabulary)}, merges=[], model_max_length=32
     )
     small = {"hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 1, "num_attention_heads": 2}
     torch.manual_seed(0)
@@ -161,7 +161,7 @@ def make_owlv2(folder: Path, **vision: int) -> Path:
         text_config={
             **small,
             "vocab_size": len(vocabulary),
-            "max_position_embeddings": 16,
+            "max_position_embeddings": 32,
             "eos_token_id": 1,
             "bos_token_id": 0,
         },

@@ -370,7 +370,7 @@ ANYTHING = st.recursive(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(place=st.sampled_from(places(plain())[1:]), value=ANYTHING)
 def test_whatever_stands_somewhere_is_read_or_refused(
     place: tuple[Any, ...], value: object, tmp_path_factory: pytest.TempPathFactory

@@ -201,7 +201,7 @@ def test_a_joint_outside_the_trained_range_is_no_trouble(t5: Path) -> None:
 
 
 @given(data=st.data())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_an_action_is_within_what_its_joint_was_trained_on(
     t5: Path, dataset: LeRobotDataset, data: st.DataObject
 ) -> None:
