@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The modes (paper, section 3), and the prompt that asks the language model for each."""
 
+from .answer import heard
 from .parser import spoken
 
 # CrossT5 alone has the last one.
@@ -31,3 +32,8 @@ def repeat_language_prompt(command: str) -> str:
 def translate_prompt(sentence: str) -> str:
     """Ask for a translation, with the prefix that T5 was pretrained with."""
     return f"Translate English to German: {sentence}"
+
+
+def understand_prompt(sentence: str) -> str:
+    """Ask what a sentence asks for: a formal answer (`answer.py`)."""
+    return f"understand: {heard(sentence)}"
