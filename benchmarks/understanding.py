@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the robot understands: python benchmarks/understanding.py [--understanding=FOLDER].
 
-Each sentence of `understanding.tsv` is understood, and compared with what is right for it. A clear wish is
+Each sentence of `owlxt5_backbones/held_out_sentences.tsv` is understood, and compared with what is right for it. A clear wish is
 right; right in part, if nothing is wrong but something is missing; refused, if it is held or asked back; or
 wrong. What is to be held, answered or asked back is right; held for another reason (in part); not held or
 asked as it should be, but nothing moves (refused, asked back); or carried out. Prints the table for each
@@ -20,12 +20,21 @@ from rich.table import Table
 from scipy.stats import binomtest
 
 from lerobot_owlxt5.backbones.understanding import NOT_UNDERSTOOD, Understanding
-from lerobot_owlxt5.commands.answer import Action, Answer, Hold, Question, Request, Target, parse_answer
+from lerobot_owlxt5.commands.answer import (
+    Action,
+    Answer,
+    Hold,
+    Question,
+    Request,
+    Target,
+    format_answer,
+    parse_answer,
+)
 from lerobot_owlxt5.commands.parser import parse_command
 from lerobot_owlxt5.commands.vocabulary import COLOURS
 
 OUTCOMES = ("right", "in part", "refused", "asked back", "wrong", "carried out")
-SENTENCES = Path(__file__).with_suffix(".tsv")
+SENTENCES = Path(__file__).parents[1] / "dataset_builders/owlxt5_backbones/held_out_sentences.tsv"
 GROUPS = ("clear wish", "to be held", "question", "to be asked back")
 
 
@@ -35,7 +44,7 @@ class UnderstandingConfig:
 
     Args:
         understanding: `rules` (`commands/parser.py`), `embedded`, or the folder or Hub id of a T5.
-        sentences: A file like `understanding.tsv`.
+        sentences: A file like `held_out_sentences.tsv`.
         mistakes: Print what was not understood rightly.
     """
 
@@ -155,7 +164,7 @@ def main(config: UnderstandingConfig) -> None:
         groups[f"{sentence.group}, all"][outcome] += 1
         groups[f"{sentence.group}, {sentence.language}"][outcome] += 1
         if config.mistakes and outcome != "right":
-            print(outcome, sentence.text, f"→ {given}", sep="\t")
+            print(outcome, sentence.text, f"→ {format_answer(given)}", sep="\t")
     console.print(_table(f"{config.understanding}: each kind", kinds))
     console.print(_table("Rates, with Wilson's 95 % intervals", groups, OUTCOMES))
     seconds.sort()
