@@ -11,6 +11,7 @@ from transformers import AutoTokenizer
 from lerobot_owlxt5.backbones.answer_constraint import AnswerConstraint
 from lerobot_owlxt5.backbones.pretrained import EMBEDDED, find_backbone
 from lerobot_owlxt5.commands.answer import Hold, Question, Request, format_answer, parse_answer
+from owlxt5_backbones.language_model import Examples
 from owlxt5_backbones.understanding_lessons import (
     draw_lesson,
     draw_understood,
@@ -89,3 +90,7 @@ def test_held_out_answers_can_be_given() -> None:
             assert _lets_out(AnswerConstraint(tokenizer, [sentence]), tokenizer(answer)["input_ids"]), (
                 sentence
             )
+
+
+def test_a_resumed_training_goes_on_with_the_next_example() -> None:
+    assert [*islice(Examples(3, first=4), 6)] == [*islice(Examples(3), 10)][4:]

@@ -135,9 +135,7 @@ Answer = Request | Question | Hold
 def heard(sentence: str) -> str:
     """A sentence as the language model hears it: lower case, without hyphens and control characters."""
     text = unicodedata.normalize("NFC", sentence).lower().replace("\u2019", "'")
-    return spoken(
-        "".join(" " if unicodedata.category(letter)[0] in "CZ" else letter for letter in text),
-    )
+    return spoken("".join(letter if letter.isprintable() else " " for letter in text))
 
 
 def said_words(sentence: str) -> tuple[str, ...]:
