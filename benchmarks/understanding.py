@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the robot understands: python benchmarks/understanding.py [--understanding=FOLDER].
 
-Each sentence of `owlxt5_backbones/held_out_sentences.tsv` is understood, and compared with what is right for it. A clear wish is
-right; right in part, if nothing is wrong but something is missing; refused, if it is held or asked back; or
-wrong. What is to be held, answered or asked back is right; held for another reason (in part); not held or
-asked as it should be, but nothing moves (refused, asked back); or carried out. Prints the table for each
-kind of sentence, and for English and German; rates with Wilson's 95 % intervals; and the time a sentence.
+Each sentence of `owlxt5_backbones/held_out_sentences.tsv` is understood, and compared with what is right for
+it. A clear wish is right; right in part, if nothing is wrong but something is missing; refused, if it is held
+or asked back; or wrong. What is to be held, answered or asked back is right; held for another reason (in
+part); not held or asked as it should be, but nothing moves (refused, asked back); or carried out. Prints the
+table for each kind of sentence, and for English and German; rates with Wilson's 95 % intervals; and the time
+a sentence.
 """
 
 import time
