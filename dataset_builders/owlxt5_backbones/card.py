@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The card beside trained weights: what they are, how to make them again, and how they were evaluated."""
 
+import re
 from pathlib import Path
 from string import Template
 
@@ -33,8 +34,11 @@ _LANGUAGE_MODEL = """A small T5 (`T5ForConditionalGeneration`) for `--policy.lan
 
 
 def commands(folder: Path) -> str:
-    """What a model's card says of how it was made."""
-    return (folder / "README.md").read_text(encoding="utf-8").split("```bash\n")[1].split("\n```")[0]
+    """What a model's card says of how it was made, a line each; nothing if it has no card of ours."""
+    card = folder / "README.md"
+    text = card.read_text(encoding="utf-8") if card.is_file() else ""
+    found = re.search(r"```bash\n(owlxt5-backbones .*?\n)```", text, re.DOTALL)
+    return found[1] if found else ""
 
 
 def write_detector_card(folder: Path, seed: int, **facts: object) -> str:

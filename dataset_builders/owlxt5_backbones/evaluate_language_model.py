@@ -14,7 +14,7 @@ from lerobot_owlxt5.commands.pseudo_names import draw_name
 
 from .language_model import KINDS, Example, Examples
 
-_MOST_TOKENS = 64
+_MOST_TOKENS = 96
 _AT_ONCE = 50
 
 

@@ -2,12 +2,14 @@
 """The language model: a small T5, transformers' own class, and the examples that it is trained on."""
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import count
 from pathlib import Path
 
 import numpy as np
+import torch
 from torch import Tensor
 from torch.utils.data import IterableDataset, get_worker_info
-from transformers import PreTrainedTokenizerBase, T5ForConditionalGeneration
+from transformers import AutoTokenizer, PreTrainedTokenizerBase, T5ForConditionalGeneration
 
 from lerobot_owlxt5.backbones.language_model import IGNORED
 from lerobot_owlxt5.backbones.small_t5 import SmallT5Config, make_small_t5
@@ -17,6 +19,7 @@ from lerobot_owlxt5.commands.verbs import VERBS
 from .catalogue import COLOURS
 from .grammar import capital, draw_thing, draw_translation
 from .rng import choice
+from .understanding_lessons import draw_lesson
 
 TEXTS_FOR_THE_TOKENIZER = 20_000
 
@@ -39,7 +42,8 @@ def draw_example(rng: np.random.Generator) -> Example:
     """Draw a prompt, as the policies write them, and what a T5 answers that neither sees nor moves.
 
     A command is told again in the words of the datasets, so that its encoding holds what it means; a thing
-    to describe is named. What was done to it is for the policy to add.
+    to describe is named. What was done to it is for the policy to add. What is to be understood gets its
+    formal answer.
     """
     kinds, shares = zip(*KINDS.values(), strict=True)
     draw: Callable[[np.random.Generator], Example] = kinds[int(rng.choice(len(kinds), p=shares))]
@@ -47,20 +51,21 @@ def draw_example(rng: np.random.Generator) -> Example:
 
 
 class Examples(IterableDataset[Example]):
-    """Examples without end, the same for the same seed.
+    """Examples without end, the same for the same seed; each is drawn by itself, so any can be the first.
 
     Args:
         seed: Of what is drawn.
+        first: How many have been used before.
     """
 
-    def __init__(self, seed: int) -> None:
-        self._seed = seed
+    def __init__(self, seed: int, first: int = 0) -> None:
+        self._seed, self._first = seed, first
 
     def __iter__(self) -> Iterator[Example]:
         worker = get_worker_info()
-        rng = np.random.default_rng((self._seed, worker.id if worker else 0))
-        while True:
-            yield draw_example(rng)
+        start, step = (worker.id, worker.num_workers) if worker else (0, 1)
+        for place in count(self._first + start, step):
+            yield draw_example(np.random.default_rng((self._seed, place)))
 
 
 class ExampleCollator:
@@ -91,6 +96,12 @@ def make_language_model(sizes: SmallT5Config) -> T5ForConditionalGeneration:
     rng = np.random.default_rng(sizes.seed)
     texts = [text for _ in range(TEXTS_FOR_THE_TOKENIZER) for text in draw_example(rng)]
     return make_small_t5(sizes, texts)
+
+
+def load_language_model(name: str, folder: Path) -> T5ForConditionalGeneration:
+    """A T5 to go on with, from a folder or the Hub; its tokenizer is copied into the folder of the result."""
+    AutoTokenizer.from_pretrained(name).save_pretrained(folder)
+    return T5ForConditionalGeneration.from_pretrained(name, dtype=torch.float32)
 
 
 def shipped_sizes(folder: Path, seed: int) -> SmallT5Config:
@@ -138,11 +149,12 @@ def _repeat_action(rng: np.random.Generator) -> Example:
 
 
 KINDS: dict[str, tuple[Callable[[np.random.Generator], Example], float]] = {
-    "translate": (_translate, 0.5),
-    "execute": (_execute, 0.15),
-    "describe": (_describe, 0.1),
-    "describe with a verb": (_describe_with_verb, 0.1),
-    "repeat language": (_repeat, 0.14),
-    "repeat action": (_repeat_action, 0.01),
+    "understand": (draw_lesson, 0.6),
+    "translate": (_translate, 0.2),
+    "execute": (_execute, 0.06),
+    "describe": (_describe, 0.04),
+    "describe with a verb": (_describe_with_verb, 0.04),
+    "repeat language": (_repeat, 0.056),
+    "repeat action": (_repeat_action, 0.004),
 }
 """Kinds of examples, how each is drawn, and how often."""

@@ -21,7 +21,7 @@ from .detector import DetectorSizes, load_detector_model, make_detector_model
 from .detector_batches import Collator
 from .detector_training import DetectorTrainer, find_threshold
 from .images import make_images
-from .language_model import ExampleCollator, Examples, make_language_model, shipped_sizes
+from .language_model import ExampleCollator, Examples, load_language_model, make_language_model, shipped_sizes
 
 _VALIDATION_IMAGES = 480
 # Patches to look at, of 256.
@@ -57,7 +57,8 @@ class BackbonesConfig:
     images: int = 30_000
     # Seed of data and weights.
     seed: int = 0
-    # Folder of a detector whose training to go on with: its weights, the images and steps of this command.
+    # Folder (or, for a T5, Hub id) of a model whose training to go on with: its weights, the data and steps
+    # of this command.
     start_from: Path | None = None
 
     @property
@@ -78,7 +79,7 @@ class BackbonesConfig:
     @property
     def command(self) -> str:
         """What makes the same again, in folders of the reader's choice."""
-        before = "" if self.start_from is None else f"{commands(self.start_from)}\n"
+        before = "" if self.start_from is None else commands(self.start_from)
         options = {"part": self.part, **self.recipe._asdict(), "seed": self.seed, "output_dir": "…"}
         if self.part == "detector":
             options["images"] = self.images
@@ -87,6 +88,12 @@ class BackbonesConfig:
         return before + " ".join(
             ["owlxt5-backbones", *(f"--{key}={value}" for key, value in options.items())]
         )
+
+
+def _has_bf16() -> bool:
+    """Whether bf16 is faster here: processors without it emulate it, eight times slower than float32."""
+    processor = torch.cpu.get_capabilities()
+    return torch.cuda.is_available() or any(processor.get(name) for name in ("avx512_bf16", "amx_bf16"))
 
 
 def _arguments(config: BackbonesConfig) -> TrainingArguments:
@@ -100,7 +107,7 @@ def _arguments(config: BackbonesConfig) -> TrainingArguments:
         adam_beta2=0.98,
         warmup_steps=min(500, recipe.steps // 20),
         lr_scheduler_type="cosine",
-        bf16=True,
+        bf16=_has_bf16(),
         use_cpu=not torch.cuda.is_available(),
         save_steps=500,
         save_total_limit=1,
@@ -113,10 +120,14 @@ def _arguments(config: BackbonesConfig) -> TrainingArguments:
     )
 
 
+def _last_checkpoint(arguments: TrainingArguments) -> str | None:
+    folder = str(arguments.output_dir)
+    return get_last_checkpoint(folder) if Path(folder).exists() else None
+
+
 def _train(trainer: Trainer) -> list[float]:
     """Train, from the last checkpoint on if there is one; the losses that were logged."""
-    folder = Path(str(trainer.args.output_dir))
-    trainer.train(resume_from_checkpoint=get_last_checkpoint(str(folder)) if folder.exists() else None)
+    trainer.train(resume_from_checkpoint=_last_checkpoint(trainer.args))
     return [entry["loss"] for entry in trainer.state.log_history if "loss" in entry]
 
 
@@ -141,10 +152,15 @@ def train_language_model(
     config: BackbonesConfig, sizes: SmallT5Config
 ) -> tuple[PreTrainedModel, list[float]]:
     """Train on sentences; the language model and the course of its loss."""
-    model = make_language_model(sizes)
-    tokenizer = AutoTokenizer.from_pretrained(sizes.output_dir)
-    collate, examples = ExampleCollator(tokenizer), Examples(config.seed)
-    losses = _train(Trainer(model, _arguments(config), collate, train_dataset=examples))
+    start = config.start_from
+    model = load_language_model(str(start), config.model_dir) if start else make_language_model(sizes)
+    arguments = _arguments(config)
+    # A resumed run begins with the next example, rather than draw and drop all before.
+    arguments.ignore_data_skip = True
+    last = _last_checkpoint(arguments)
+    used = int(last.rpartition("-")[2]) * config.recipe.batch_size if last else 0
+    collate = ExampleCollator(AutoTokenizer.from_pretrained(config.model_dir))
+    losses = _train(Trainer(model, arguments, collate, train_dataset=Examples(config.seed, used)))
     model.half().save_pretrained(config.model_dir)
     return model, losses
 
@@ -154,14 +170,12 @@ def main(config: BackbonesConfig) -> None:
     """Make the data, train, evaluate, and say where the result is."""
     if config.part not in RECIPES:
         sys.exit(f"owlxt5-backbones: --part is one of {', '.join(RECIPES)}, not {config.part!r}")
-    if config.start_from is not None and config.part != "detector":
-        sys.exit("owlxt5-backbones: --start_from is for --part=detector")
     for name in ("steps", "batch_size", "images", "learning_rate"):
         if (number := getattr(config, name)) is not None and number <= 0:
             raise ValueError(f"--{name} must be above 0; got {number}")
     if config.seed < 0:
         raise ValueError(f"--seed must not be negative; got {config.seed}")
-    # Reads the card of the detector to start from: better missing now than after hours.
+    # Reads the card of the model to start from: better missing now than after hours.
     command = config.command
     if config.part == "detector":
         model, _ = train_detector(config, DetectorSizes())

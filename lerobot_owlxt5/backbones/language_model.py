@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """T5, split between its encoder and its decoder (paper, section 3)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import torch
@@ -109,13 +109,20 @@ class SplitT5:
         losses[labelled] = cross_entropy(logits, targets[labelled], reduction="none")
         return losses.sum(dim=1) / labelled.sum(dim=1)
 
-    def generate(self, encoding: Tensor, mask: Tensor, max_new_tokens: int) -> list[str]:
+    def generate(
+        self,
+        encoding: Tensor,
+        mask: Tensor,
+        max_new_tokens: int,
+        prefix_allowed_tokens_fn: Callable[[int, Tensor], list[int]] | None = None,
+    ) -> list[str]:
         """Generate one text per sample, greedily.
 
         Args:
             encoding: What the decoder attends to, (batch, tokens, dim).
             mask: (batch, tokens) bool.
             max_new_tokens: Longest text, in tokens.
+            prefix_allowed_tokens_fn: Which tokens may follow, as transformers' `generate` takes it.
         """
         tokens = self._on(encoding.device).generate(
             encoder_outputs=BaseModelOutput(last_hidden_state=encoding),  # type: ignore[arg-type]
@@ -123,6 +130,7 @@ class SplitT5:
             max_new_tokens=max_new_tokens,
             do_sample=False,
             num_beams=1,
+            prefix_allowed_tokens_fn=prefix_allowed_tokens_fn,
         )
         return [text.strip() for text in self.tokenizer.batch_decode(tokens, skip_special_tokens=True)]
 

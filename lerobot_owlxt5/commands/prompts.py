@@ -4,6 +4,7 @@
 from collections.abc import Sequence
 from reprlib import repr as shortened
 
+from .answer import heard
 from .parser import spoken
 
 # CrossT5 alone has the last one.
@@ -37,6 +38,11 @@ def repeat_language_prompt(command: str) -> str:
 def translate_prompt(sentence: str) -> str:
     """Ask for a translation, with the prefix that T5 was pretrained with."""
     return f"Translate English to German: {_checked(sentence)}"
+
+
+def understand_prompt(sentence: str) -> str:
+    """Ask what a sentence asks for: a formal answer (`answer.py`)."""
+    return f"understand: {heard(_checked(sentence))}"
 
 
 def _checked(text: str) -> str:

@@ -1,0 +1,396 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lessons in understanding without end: what someone says, and the formal answer that is right.
+
+Frames of sentences (`understanding_frames.txt`) are filled with things and clauses
+(`understanding_grammar.py`), then said as people write: with fillers, slips and too few commas.
+"""
+
+import re
+from collections.abc import Callable
+from functools import cache
+from importlib.resources import files
+from typing import NamedTuple
+
+import numpy as np
+
+from lerobot_owlxt5.commands.answer import (
+    MOST_ACTIONS,
+    REASONS,
+    Action,
+    Answer,
+    Hold,
+    Landmark,
+    Question,
+    Request,
+    Target,
+    format_answer,
+    heard,
+    said_words,
+)
+from lerobot_owlxt5.commands.prompts import understand_prompt
+from lerobot_owlxt5.commands.pseudo_names import draw_name
+
+from .grammar import Case
+from .rng import choice
+from .understanding_grammar import (
+    WHERE,
+    WHERE_DE,
+    Clause,
+    Thing,
+    draw_clause,
+    draw_colour,
+    draw_german_clause,
+    draw_german_thing,
+    draw_noun,
+    draw_plain_german_verb,
+    draw_plain_verb,
+    draw_thing,
+)
+
+SHARES = {
+    **{"wish": 0.3, "two": 0.08, "correction": 0.04, "forbidden": 0.12, "conditional": 0.06, "not_now": 0.05},
+    **{"not_an_action": 0.09, "beyond": 0.05, "beyond more": 0.01, "question ability": 0.02},
+    **{"question scene": 0.03, "question robot": 0.02, "ask verb": 0.03, "ask target": 0.02, "ask all": 0.01},
+    **{"contrast": 0.07},
+}
+"""Kinds of frames, and how often each is drawn."""
+_SHARE_GERMAN, _SHARE_PLAIN = 0.35, 0.45
+
+
+class Frame(NamedTuple):
+    """A sentence with places to fill, and the kind of its answer."""
+
+    kind: str
+    text: str
+
+
+@cache
+def frames() -> dict[tuple[str, str], tuple[tuple[Frame, ...], ...]]:
+    """By kind and language the frames; each alternative of a contrast is as likely."""
+    read: dict[tuple[str, str], list[tuple[Frame, ...]]] = {}
+    text = files(__package__).joinpath("understanding_frames.txt").read_text(encoding="utf-8")
+    section = ("", "")
+    for line in text.splitlines():
+        if line.startswith("["):
+            kind, _, language = line.strip("[]").rpartition(" ")
+            section = (kind, language)
+        elif line and not line.startswith("#"):
+            sides = line.split(" || ") if section[0] == "contrast" else [f"{section[0]}: {line}"]
+            read.setdefault(section, []).append(tuple(Frame(*side.split(": ", 1)) for side in sides))
+    return {section: tuple(found) for section, found in read.items()}
+
+
+@cache
+def held_out() -> frozenset[str]:
+    """What `benchmarks/understanding.py` measures on: no lesson."""
+    text = files(__package__).joinpath("held_out_sentences.tsv").read_text(encoding="utf-8")
+    return frozenset(normalised(line.split("\t")[2]) for line in text.splitlines() if line[:1] not in "#")
+
+
+def normalised(sentence: str) -> str:
+    """The words alone."""
+    return " ".join(said_words(sentence))
+
+
+def draw_lesson(rng: np.random.Generator) -> tuple[str, str]:
+    """Draw a prompt and the text of its answer."""
+    sentence, answer = draw_understood(rng)
+    return understand_prompt(sentence), format_answer(answer)
+
+
+def draw_understood(rng: np.random.Generator) -> tuple[str, Answer]:
+    """Draw a sentence and what it asks for."""
+    while True:
+        kinds, shares = zip(*SHARES.items(), strict=True)
+        kind = kinds[int(rng.choice(len(kinds), p=shares))]
+        language = "de" if rng.random() < _SHARE_GERMAN else "en"
+        if (kind, language) not in frames():
+            continue
+        frame = choice(rng, choice(rng, frames()[kind, language]))
+        filling = _Filling(rng, frame, language)
+        sentence, answer = _as_people_write(rng, filling.sentence, filling.answer, language)
+        if normalised(sentence) not in held_out():
+            return sentence, answer
+
+
+_SLOT = re.compile(r"\{(\w+)\}")
+_PEOPLE = (
+    *("lisa", "mark", "maria", "john", "ben", "lena", "paul", "emma", "max", "jonas", "sophie", "ali", "kim"),
+    *("mary", "david", "julia", "felix", "ida", "omar", "nina", "sam", "laura", "chen", "eva", "leo", "tina"),
+)
+_WHO = ("my brother", "my mother", "the man", "the boss", "the girl", "grandma", "the professor", "a friend")
+_WHO_DE = (
+    "mein bruder",
+    "meine schwester",
+    "der chef",
+    "oma",
+    "papa",
+    "die lehrerin",
+    "der mann",
+    "mein freund",
+)
+_EVENTS = (
+    *("the bell rings", "the light turns green", "i raise my hand", "i whistle", "you hear a beep"),
+    *(
+        "it rains",
+        "it gets dark",
+        "the music stops",
+        "the door opens",
+        "you see my hand",
+        "i say go",
+        "i nod",
+    ),
+    *("the clock strikes ten", "you find it", "the timer is up", "there is enough room", "{who} comes in"),
+    *("the {name} is empty", "the {name} is {colour}", "the {name} falls", "the {name} moves", "it's free"),
+    *("nothing is in the way", "you can reach it", "i tell you to", "{who} says yes", "it is heavy"),
+)
+_EVENTS_DE = (
+    *("es klingelt", "ich die hand hebe", "die musik aufhört", "es regnet", "{wer} kommt", "du etwas hörst"),
+    *(
+        "die tür aufgeht",
+        "ich pfeife",
+        "niemand da ist",
+        "ich bis drei gezählt habe",
+        "es hell ist",
+        "ich nicke",
+    ),
+    *(
+        "du fertig bist",
+        "der tisch frei ist",
+        "{wer} ja sagt",
+        "{der} rot ist",
+        "{der} umfällt",
+        "sie leer ist",
+    ),
+)
+_EVENT_NOUNS = ("the bell", "the beep", "my sign", "the green light", "my okay", "{who}", "the next round")
+_BEYOND = (
+    *("lift", "pick up", "grab", "throw", "drop", "turn", "rotate", "open", "close", "break", "eat", "hold"),
+    *("shake", "squeeze", "paint", "wash", "carry", "catch", "kick", "hide", "point at", "touch", "smell"),
+    *("raise", "fill", "empty", "clean", "cut", "bend", "spin", "grasp", "smash", "buy", "sell", "fix"),
+)
+_GERMAN_CASES: dict[str, Case] = {"ding": "accusative", "der": "nominative", "dem": "dative"}
+
+
+class _Filling:
+    """A frame, filled, and the answer that follows from what was filled in."""
+
+    def __init__(self, rng: np.random.Generator, frame: Frame, language: str) -> None:
+        self._rng, self._frame, self._language = rng, frame, language
+        self._actions: dict[str, list[Action]] = {}
+        self._thing: Thing | None = None
+        self._verb: str | None = None
+        self._clause: Clause | None = None
+        self._word = self._last_pronoun = ""
+        self.sentence = self._fill(frame.text)
+
+    @property
+    def answer(self) -> Answer:
+        """What the sentence asks for."""
+        kind = self._frame.kind.removesuffix(" more")
+        if kind in REASONS:
+            return Hold(kind)
+        if kind.startswith("question "):
+            return Question(kind.removeprefix("question "))
+        target = self._thing.target if self._thing else Target()
+        if kind.startswith("ask"):
+            verb = self._verb if kind == "ask target" else None
+            return Request((Action(verb, target if kind == "ask verb" else Target()),))
+        actions = [action for _, found in sorted(self._actions.items()) for action in found]
+        return Request((*(actions or [Action(self._verb, target)]),)[:MOST_ACTIONS])
+
+    def _fill(self, text: str) -> str:
+        return _SLOT.sub(lambda found: self._slot(found[1]), text)
+
+    def _slot(self, slot: str) -> str:
+        """What stands in a place; notes what it means, unless it begins with `x_`."""
+        rng, counts = self._rng, not slot.startswith("x_")
+        name = slot.removeprefix("x_")
+        number = name[-1] if name[-1].isdigit() else ""
+        name = name.rstrip("12")
+        if name in ("thing", "ding", "der", "dem", "a", "name"):
+            return self._draw_thing(name, counts)
+        if name in ("where", "wohin"):
+            places = WHERE if name == "where" else WHERE_DE
+            verb = choice(rng, [*places])
+            self._verb = self._verb or verb
+            return choice(rng, places[verb])
+        if name in ("verb", "verb_again", "verb_de", "verb_de_inf", "zu_verb_de"):
+            return self._plain_verb(name)
+        simple: dict[str, Callable[[], str]] = {
+            "colour": lambda: (
+                draw_colour(rng) if self._language == "en" else choice(rng, ("rot", "blau", "grün"))
+            ),
+            "who": lambda: choice(rng, _PEOPLE if rng.random() < 0.6 else _WHO),
+            "wer": lambda: choice(rng, _PEOPLE if rng.random() < 0.6 else _WHO_DE),
+            "event": lambda: self._fill(choice(rng, _EVENTS)),
+            "fall": lambda: self._fill(choice(rng, _EVENTS_DE)),
+            "event_noun": lambda: self._fill(choice(rng, _EVENT_NOUNS)),
+            "beyond": lambda: choice(rng, _BEYOND),
+            "gibberish": lambda: draw_name(rng),
+        }
+        return simple[name]() if name in simple else self._do(name, number, counts)
+
+    def _draw_thing(self, slot: str, counts: bool) -> str:
+        rng = self._rng
+        if slot == "name":
+            noun = draw_noun(rng)
+            said = noun.english if self._language == "en" else noun.german
+            self._thing = self._thing or Thing(Target(" ".join(said_words(said))), {}, {"accusative": "it"})
+            return said
+        plain = slot == "a" or (
+            self._frame.kind in ("wish", "correction", "ask verb") and rng.random() < _SHARE_PLAIN
+        )
+        case = _GERMAN_CASES.get(slot, "accusative")
+        drawn = (
+            draw_thing(rng, plain=plain)
+            if slot in ("thing", "a")
+            else draw_german_thing(rng, case, plain=plain)
+        )
+        said = drawn.texts[case]
+        if slot == "a":
+            said = re.sub(r"^(the|that|this|my) ", "", said)
+            said = f"{'an' if said[:1] in [*'aeiou'] else 'a'} {said}"
+        if counts and self._thing is None:
+            self._thing = drawn
+        return said
+
+    def _plain_verb(self, slot: str) -> str:
+        if slot == "verb_again":
+            return self._word
+        if slot == "verb":
+            verb, word = draw_plain_verb(self._rng)
+            self._word = word
+        else:
+            verb, imperative, infinitive = draw_plain_german_verb(self._rng)
+            word = {"verb_de": imperative, "verb_de_inf": infinitive, "zu_verb_de": f"zu {infinitive}"}[slot]
+        self._verb = self._verb or verb
+        return word
+
+    def _do(self, slot: str, number: str, counts: bool) -> str:
+        """Something to do, in one of the forms of a clause."""
+        rng, german = self._rng, self._language == "de"
+        clause = draw_german_clause(rng) if german else draw_clause(rng)
+        if slot in clause.forms and "{}" not in clause.forms[slot]:
+            self._verb = self._verb or clause.verb
+            return clause.forms[slot]
+        if slot in ("do_it", "do_it_a", "tu_es"):
+            said = next(iter(self._thing.pronouns.values())) if self._thing else "es" if german else "it"
+            if german and self._thing:
+                said = _accusative(said)
+            target = self._thing.target if self._thing else Target(reference="it")
+            self._note(number, Action(clause.verb, target))
+            return clause.forms["tu" if german else "do"].format(said)
+        if number == "2" and self._actions.get("1") and rng.random() < 0.3:
+            self._note(number, Action(clause.verb, Target(reference="it")))
+            before = self._last_pronoun
+            return clause.forms[slot].format(before)
+        things = [self._draw_object() for _ in range(self._how_many())]
+        self._last_pronoun = things[0].pronouns["accusative"]
+        if counts:
+            for thing in things:
+                self._note(number, Action(clause.verb, thing.target))
+        *first, last = [thing.texts["accusative"] for thing in things]
+        said = f"{', '.join(first)} {'und' if german else 'and'} {last}" if first else last
+        form = "do" if slot == "do_a" else slot
+        if slot == "do_a":
+            said = re.sub(r"^(the|that|this|my) ", "a ", said)
+        return clause.forms[form].format(said)
+
+    def _how_many(self) -> int:
+        several = self._frame.kind == "wish" and not self._actions and self._rng.random() < 0.1
+        return (3 if self._rng.random() < 0.2 else 2) if several else 1
+
+    def _draw_object(self) -> Thing:
+        plain = self._rng.random() < _SHARE_PLAIN
+        if self._language == "de":
+            return draw_german_thing(self._rng, "accusative", plain=plain)
+        return draw_thing(self._rng, plain=plain)
+
+    def _note(self, number: str, action: Action) -> None:
+        self._actions.setdefault(number, []).append(action)
+
+
+def _accusative(pronoun: str) -> str:
+    return {"er": "ihn", "ihm": "ihn", "ihr": "sie"}.get(pronoun, pronoun)
+
+
+_STARTS = {
+    "en": (
+        "um,",
+        "so",
+        "well,",
+        "hey",
+        "hey robot,",
+        "nico,",
+        "ok",
+        "uh",
+        "alright,",
+        "robot,",
+        "right,",
+        "look,",
+    ),
+    "de": ("äh", "also", "na", "hey", "nico,", "ok", "so,", "du,", "hm,", "roboter,", "tja,"),
+}
+_ENDS = {
+    "en": ("thanks", "thank you", ", ok", ", buddy", ", nico", ", robot", ":)", ", my friend"),
+    "de": ("danke", "ok", ", ja", ", nico", ", danke dir", ":)"),
+}
+
+
+def _as_people_write(
+    rng: np.random.Generator, sentence: str, answer: Answer, language: str
+) -> tuple[str, Answer]:
+    """The same with fillers, marks, and slips of the fingers, which a copied name has too."""
+    if rng.random() < 0.12:
+        sentence = f"{choice(rng, _STARTS[language])} {sentence}"
+    if rng.random() < 0.08:
+        sentence = f"{sentence} {choice(rng, _ENDS[language])}".replace(" ,", ",")
+    question = isinstance(answer, Question) or bool(
+        re.match(r"(can|could|would|will|kannst|könntest|würdest)\b", sentence)
+    )
+    if rng.random() < 0.6:
+        sentence += choice(
+            rng, ("?", "?", "?", "", "??", ".") if question else (".", ".", ".", "!", "!!", "...")
+        )
+    if rng.random() < 0.3:
+        sentence = sentence.replace(",", "")
+    if rng.random() < 0.12:
+        sentence, answer = _slipped(rng, sentence, answer)
+    return sentence, answer
+
+
+def _slipped(rng: np.random.Generator, sentence: str, answer: Answer) -> tuple[str, Answer]:
+    """One or two words misspelt, wherever they stand."""
+    words = [word for word in dict.fromkeys(said_words(sentence)) if len(word) >= 4 and word.isalpha()]
+    slips: dict[str, str] = {}
+    for _ in range(min(len(words), int(rng.integers(1, 3)))):
+        word = choice(rng, words)
+        slips[word] = _misspell(rng, word)
+    if {*slips.values()} & {*said_words(sentence)}:
+        return sentence, answer
+
+    def slip(text: str) -> str:
+        return re.sub(r"[^\W_]+(?:'[^\W_]+)*", lambda found: slips.get(found[0], found[0]), text)
+
+    if isinstance(answer, Request):
+        answer = Request(tuple(Action(a.verb, _with_slips(a.target, slip)) for a in answer.actions))
+    return slip(heard(sentence)), answer
+
+
+def _with_slips(target: Target, slip: Callable[[str], str]) -> Target:
+    relation = target.relation
+    if relation:
+        marks = tuple(Landmark(slip(mark.name), slip(mark.colour)) for mark in relation.landmarks)
+        relation = relation.__class__(relation.kind, marks)
+    order, side = target.order, target.side
+    return Target(slip(target.name), slip(target.colour), target.reference, side, order, relation)
+
+
+def _misspell(rng: np.random.Generator, word: str) -> str:
+    place, kind = int(rng.integers(1, len(word) - 1)), rng.random()
+    if kind < 0.45:
+        return word[:place] + word[place + 1] + word[place] + word[place + 2 :]
+    if kind < 0.8:
+        return word[:place] + word[place + 1 :]
+    return word[:place] + word[place] + word[place:]
