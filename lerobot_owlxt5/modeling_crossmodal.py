@@ -55,12 +55,13 @@ class CrossmodalPolicy(ExecutingPolicy):
         """
         super().__init__(config)
         config.validate_features()
+        if dataset_meta is not None:
+            config.check_dataset(dataset_meta.features)
         check_backbones(config.backbones)
         config.core_version = CORE_VERSION
         self.config: CrossmodalConfig = config
         self.episodes: EpisodeStore | None = None
         if dataset_meta is not None:
-            config.check_dataset(dataset_meta.features)
             dataset_meta.stats.update(share_joint_range(dataset_meta.stats))
             self.episodes = EpisodeStore(dataset_meta)
             self.episodes.warn_of_long(config.max_episode_steps)
