@@ -21,6 +21,7 @@ from lerobot_owlxt5 import CrossT5AutoencoderConfig, CrossT5AutoencoderPolicy, C
 from lerobot_owlxt5.data.episode_store import EpisodeStore
 from lerobot_owlxt5.mode_sampling import ModeSampler
 from lerobot_owlxt5.model.autoencoder import HEIGHT, WIDTH, ChannelSeparatedAutoencoder
+from lerobot_owlxt5.visual_encoder import FEATURE_NOISE
 from policy_helpers import (
     EYES,
     HORIZON,
@@ -111,7 +112,7 @@ def test_a_finished_episode_is_seen_as_in_training(
     dataset: LeRobotDataset, t5: Path, autoencoder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     policy, preprocessor = make(dataset, t5, autoencoder)
-    visual, tasks = policy.visual, ["-"] * len(FRAMES)
+    visual, tasks = policy.eval().visual, ["-"] * len(FRAMES)
     batch = load_batch(dataset.root, FRAMES, preprocessor)
     cached = visual.encode_cached(batch, tasks, EpisodeStore(dataset.meta))
     assert cached.features.shape == (4, HORIZON, 30)
@@ -130,7 +131,9 @@ def test_a_finished_episode_is_seen_as_in_training(
         raise AssertionError("frames must be encoded once")
 
     monkeypatch.setattr(policy.visual.autoencoder, "encode_frames", fail)
-    visual.encode_cached(batch, tasks, EpisodeStore(dataset.meta))
+    policy.train()
+    noisy = visual.encode_cached(batch, tasks, EpisodeStore(dataset.meta)).features
+    assert (noisy - cached.features).std() == pytest.approx(FEATURE_NOISE, rel=0.1)
 
 
 def test_the_autoencoder_learns_to_reconstruct_frames(folder: Path) -> None:
