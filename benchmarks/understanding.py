@@ -77,7 +77,9 @@ class Sentence:
 
 def read_sentences(path: Path) -> list[Sentence]:
     """Read a file of sentences."""
-    rows = [line.split("\t") for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]
+    rows = [
+        line.split("\t") for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")
+    ]
     return [
         Sentence(kind, language, text, tuple(parse_answer(answer) for answer in answers.split(" / ")))
         for kind, language, text, answers in rows

@@ -264,7 +264,8 @@ class AutoencoderFeatures(nn.Module):
         seen = self._input(torch.stack([self._cache[episode] for episode in indices]))
         if not self.training:
             return seen
-        return seen._replace(features=seen.features + FEATURE_NOISE * torch.randn_like(seen.features))
+        noise = FEATURE_NOISE * torch.randn_like(seen.features)
+        return VisualInput(seen.features + noise, seen.object_found)
 
     def find_moved(self, batch: Mapping[str, Any], labels: Sequence[str]) -> MovedObjects:
         """See `VisualEncoder`; which object moved is for the network to tell."""

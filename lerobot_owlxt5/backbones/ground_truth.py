@@ -56,7 +56,7 @@ class GroundTruthDetector:
             counts = counts * same_place(found.centre, near)
         if away is not None:
             counts = counts * ~same_place(found.centre[:, :, None], away).any(dim=-1)
-        return found._replace(score=counts)
+        return Detections(found.box, counts)
 
 
 def _find(name: str, present: Sequence[str]) -> int:
