@@ -167,7 +167,7 @@ class CrossmodalConfig(PreTrainedConfig):
     def note_modes(self, drawn: Sequence[int]) -> None:
         """Note modes that a training batch is in, indices into `MODES`."""
         known = {MODES[mode] for mode in drawn}.union(self.trained_modes or ())
-        self.trained_modes = [mode for mode in MODES if mode in known] or None
+        self.trained_modes = [mode for mode in MODES if mode in known]
 
     def was_trained_in(self, mode: str) -> bool:
         """Whether training has drawn a mode, one of `MODES`; also true where nobody noted it."""

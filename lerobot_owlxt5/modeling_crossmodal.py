@@ -157,7 +157,8 @@ class CrossmodalPolicy(ExecutingPolicy):
             names = [parse_command(task).object for task in tasks]
             seen = self.visual.encode_cached(batch, names, self.episodes)
             modes = sampler.sample(batch, rngs)
-            self.config.note_modes(modes.mode.tolist() if self.training else ())
+            if self.training:
+                self.config.note_modes(modes.mode.tolist())
             terms = mixed_loss(
                 self.model,
                 modes,
@@ -216,9 +217,8 @@ class CrossmodalPolicy(ExecutingPolicy):
         """
         self._begin("repeat_action")
         joints = recorded_joints(batch)
-        features = self.visual.encode(
-            batch, [parse_command(task).object for task in read_tasks(batch)]
-        ).features
+        names = [parse_command(task).object for task in read_tasks(batch)]
+        features = self.visual.encode(batch, names).features
         prompts = [repeat_action_prompt()] * len(joints)
         return self.model.plan(prompts, features, joints, self.config.max_episode_steps)
 

@@ -234,10 +234,13 @@ def test_an_episode_is_judged_by_the_task_that_it_is_given():
 
 def test_a_video_shows_the_command():
     env = TabletopEnv("PUSH-L", "claeo", height=48, width=64)
-    env.reset(seed=0)
-    scene = env._simulation.render(SPECTATOR, 360, 480)
+    _, info = env.reset(seed=0)
+    simulation = TabletopSimulation(read_objects("claeo"))
+    simulation.reset(info["arrangement"], info["poses"])
+    scene = simulation.render(SPECTATOR, 360, 480)
     changed = (env.render() != scene).any(axis=(1, 2))
     assert changed[:40].any() and not changed[40:].any()
+    simulation.close()
     env.close()
 
 
