@@ -123,6 +123,16 @@ def _translate(rng: np.random.Generator) -> Example:
     return prompts.translate_prompt(capital(english) if rng.random() < 0.7 else english), german
 
 
+def _name_in_english(rng: np.random.Generator) -> Example:
+    """What a thing is called, said in German or in English; a policy does not know which."""
+    thing, case = draw_thing(rng), choice(rng, ("nominative", "accusative", "dative"))
+    german = thing.german(case).partition(" ")[2].lower()  # type: ignore[arg-type]
+    english = thing.english
+    if thing.adjective and rng.random() < 0.2:  # a colour alone
+        german, english = german.split()[0], thing.adjective
+    return prompts.name_in_english_prompt(german if rng.random() < 0.5 else english), english
+
+
 def _execute(rng: np.random.Generator) -> Example:
     verb, name = choice(rng, [*COMMANDS]), _name(rng)
     return prompts.execute_prompt(choice(rng, COMMANDS[verb]).format(name)), f"{verb} {name}"
@@ -150,7 +160,8 @@ def _repeat_action(rng: np.random.Generator) -> Example:
 
 KINDS: dict[str, tuple[Callable[[np.random.Generator], Example], float]] = {
     "understand": (draw_lesson, 0.6),
-    "translate": (_translate, 0.2),
+    "translate": (_translate, 0.14),
+    "name in English": (_name_in_english, 0.06),
     "execute": (_execute, 0.06),
     "describe": (_describe, 0.04),
     "describe with a verb": (_describe_with_verb, 0.04),

@@ -40,6 +40,11 @@ def translate_prompt(sentence: str) -> str:
     return f"Translate English to German: {_checked(sentence)}"
 
 
+def name_in_english_prompt(name: str) -> str:
+    """Ask what a thing that was named in English or German is called in English."""
+    return f"Translate German to English: {_checked(name)}"
+
+
 def understand_prompt(sentence: str) -> str:
     """Ask what a sentence asks for: a formal answer (`answer.py`)."""
     return f"understand: {heard(_checked(sentence))}"
