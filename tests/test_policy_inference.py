@@ -18,6 +18,7 @@ from lerobot_owlxt5.commands.instruction import NOTHING_KNOWN, NOTHING_MOVED, TO
 from lerobot_owlxt5.commands.parser import parse_command
 from lerobot_owlxt5.data.normalization import share_joint_range
 from lerobot_owlxt5.data.start_pose import NEAR, start_tolerance
+from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 from policy_helpers import (
     ENDS,
     EYES,
@@ -200,15 +201,19 @@ def test_a_joint_outside_the_trained_range_is_no_trouble(t5: Path) -> None:
     assert plan.abs().max() <= 1
 
 
+@pytest.fixture(scope="module")
+def policy(t5: Path) -> OWLxT5Policy:
+    return make_policy(t5)
+
+
 @given(data=st.data())
 @settings(max_examples=25)
 def test_an_action_is_within_what_its_joint_was_trained_on(
-    t5: Path, dataset: LeRobotDataset, data: st.DataObject
+    policy: OWLxT5Policy, dataset: LeRobotDataset, data: st.DataObject
 ) -> None:
     """And so within the joint's limits, wherever the robot and the objects are."""
     any_number = st.floats(-1e9, 1e9, width=32)
     state, boxes = (data.draw(st.lists(any_number, min_size=n, max_size=n)) for n in (10, 12))
-    policy = make_policy(t5)
     preprocess, postprocess = make_pre_post_processors(policy.config, dataset_stats=dataset.meta.stats)
     batch = observe(["push red"])
     batch["observation.state"] = torch.tensor([state])
