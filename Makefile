@@ -24,7 +24,7 @@ tests = OMP_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 --dist=loadfile
 test: lint
 	$(tests)
 
-# What starts no command and trains nothing: for the time between two edits.
+# What starts no process, trains nothing and draws little: for the time between two edits.
 test-fast: setup
 	$(tests) -q -m "not slow"
 

@@ -105,6 +105,24 @@ def check_given(config: Any) -> None:
             raise ValueError(f"--{option.name} needs a value, not null")
 
 
+def check_numbers(config: Any, *positive: str) -> None:
+    """Check that options are above 0, as far as they have a value, and that the seed is not negative.
+
+    Args:
+        config: Configuration of the command, with a `seed`.
+        *positive: Names of the options that must be above 0.
+
+    Raises:
+        ValueError: Naming the option.
+    """
+    for name in positive:
+        value = getattr(config, name)
+        if value is not None and not value > 0:
+            raise ValueError(f"--{name} must be above 0; got {value}")
+    if config.seed < 0:
+        raise ValueError(f"--seed must not be negative; got {config.seed}")
+
+
 def explain(error: Exception) -> str:
     """One line on why options could not be read."""
     if isinstance(error, DecodingError):

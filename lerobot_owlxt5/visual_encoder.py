@@ -160,13 +160,14 @@ class ObjectPoint:
         """
         first, last = observation_at(batch, 0), observation_at(batch, -1)
         asked = [list(labels)] * len(batch[ACTION])
-        before = self.detector(first, asked)
-        after = self.detector(last, asked, near=before.centre)
+        before, proposed = self.detector(first, asked), self.detector.propose(last, asked)
+        at_places = proposed.at(before.centre)
+        after = proposed.best(at_places)
         known = _best_label(before) & (before.score >= DESCRIBE_THRESHOLD_SHARE * self.detector.threshold)
         still_there, index = torch.where(known, after.score / before.score, 1.0).min(dim=1)
         others = known[:, None] & ~same_place(before.centre[:, :, None], before.centre[:, None])
-        away = torch.where(others[..., None], before.centre[:, None], torch.inf)
-        elsewhere = self.detector(last, asked, away=away)
+        at_others = at_places.float() @ others.float().mT > 0
+        elsewhere = proposed.best(~at_others)
         share = elsewhere.score / self.detector.threshold
         inside = torch.where(share < CLEARLY_SEEN, INSIDE, INSIDE_IF_CLEARLY_SEEN)
         seen = (share >= SEEN_ELSEWHERE) & (elsewhere.share_inside(before) < inside)

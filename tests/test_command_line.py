@@ -130,6 +130,7 @@ def test_lerobots_own_options_are_texts_too() -> None:
         ({"width": -640}, "between 16 and 1920; got -640"),
         ({"height": 10**6, "video": False}, "between 16 and 1920"),
         ({"seed": -1}, "--seed must not be negative"),
+        ({"workers": 0}, "--workers must be above 0; got 0"),
     ],
 )
 def test_what_a_library_would_refuse_later_is_refused_first(options: dict[str, Any], message: str) -> None:
@@ -170,7 +171,7 @@ def test_the_printed_command_trains_on_the_train_split_and_quotes_paths() -> Non
 @pytest.mark.parametrize(
     ("main", "arguments", "message"),
     [
-        (small_t5, ("--output_dir=7", "--num_heads=0"), "small_t5: --num_heads must be at least 1; got 0"),
+        (small_t5, ("--output_dir=7", "--num_heads=0"), "small_t5: --num_heads must be above 0; got 0"),
         (
             small_t5,
             ("--output_dir=7", "--dataset_root=8"),

@@ -16,7 +16,8 @@ from lerobot.policies.factory import make_policy, make_pre_post_processors
 from lerobot.utils.collate import lerobot_collate_fn
 from torch import Tensor
 
-from lerobot_owlxt5.backbones.zero_shot import KINDS, Candidates, Kind, ZeroShotDetector
+from lerobot_owlxt5.backbones.detections import Candidates
+from lerobot_owlxt5.backbones.zero_shot import KINDS, Kind, ZeroShotDetector
 from lerobot_owlxt5.configuration_crossmodal import CrossmodalConfig
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
 from lerobot_owlxt5.data.episode_store import EpisodeStore

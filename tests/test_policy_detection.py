@@ -110,7 +110,8 @@ def test_owlv2_can_look_at_one_place_alone(owlv2: ZeroShotDetector, monkeypatch:
     images[:, :, 40:44, 40:44] = 0.7
     dimmer, dark = ((40 + 2) / 64, (40 + 2) / 64), ((24 + 2) / 64, (40 + 2) / 64)
     anywhere = owlv2({EYES: images}, [["ball", "mug"]])
-    near = owlv2({EYES: images}, [["ball", "mug"]], near=torch.tensor([[dimmer, dark]]))
+    proposed = owlv2.propose({EYES: images}, [["ball", "mug"]])
+    near = proposed.best(proposed.at(torch.tensor([[dimmer, dark]])))
     assert torch.allclose(near.centre, torch.tensor([[dimmer, dark]]))
     assert near.score[0, 1] < near.score[0, 0] < anywhere.score[0, 0]
 
@@ -179,7 +180,8 @@ def test_ground_truth_looks_at_the_step_it_is_told_to() -> None:
     first, last = (observation_at(batch, step) for step in (0, -1))
     places = [look(observation, [["red"]]).centre for observation in (first, last)]
     assert [place[0, 0, 0].item() for place in places] == pytest.approx([0.2, 0.8])
-    assert [look(last, [["red"]], near=place).score.item() for place in places] == [0, 1]
+    proposed = look.propose(last, [["red"]])
+    assert [proposed.best(proposed.at(place)).score.item() for place in places] == [0, 1]
 
 
 def test_ground_truth_needs_the_simulator() -> None:
@@ -194,9 +196,9 @@ def test_each_episode_is_looked_at_once(
     looked_at: list[int] = []
     look = visual.detector
 
-    def count(observation: dict[str, Any], names: Any, near: None = None) -> Detections:
+    def count(observation: dict[str, Any], names: Any) -> Detections:
         looked_at.append(len(names))
-        return look(observation, names, near)
+        return look(observation, names)
 
     monkeypatch.setattr(visual, "detector", count)
     monkeypatch.setattr(count, "threshold", look.threshold, raising=False)

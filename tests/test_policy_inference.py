@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 from lerobot.datasets import LeRobotDataset
 from lerobot.policies.factory import make_pre_post_processors
 
-from lerobot_owlxt5.backbones.detections import Detections
+from lerobot_owlxt5.backbones.detections import Candidates, Detector
 from lerobot_owlxt5.commands.instruction import NOTHING_KNOWN, NOTHING_MOVED, TOO_FAR, TOO_LONG
 from lerobot_owlxt5.commands.parser import parse_command
 from lerobot_owlxt5.data.normalization import share_joint_range
 from lerobot_owlxt5.data.start_pose import NEAR, start_tolerance
+from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 from policy_helpers import (
     ENDS,
     EYES,
@@ -200,15 +201,19 @@ def test_a_joint_outside_the_trained_range_is_no_trouble(t5: Path) -> None:
     assert plan.abs().max() <= 1
 
 
+@pytest.fixture(scope="module")
+def policy(t5: Path) -> OWLxT5Policy:
+    return make_policy(t5)
+
+
 @given(data=st.data())
 @settings(max_examples=25)
 def test_an_action_is_within_what_its_joint_was_trained_on(
-    t5: Path, dataset: LeRobotDataset, data: st.DataObject
+    policy: OWLxT5Policy, dataset: LeRobotDataset, data: st.DataObject
 ) -> None:
     """And so within the joint's limits, wherever the robot and the objects are."""
     any_number = st.floats(-1e9, 1e9, width=32)
     state, boxes = (data.draw(st.lists(any_number, min_size=n, max_size=n)) for n in (10, 12))
-    policy = make_policy(t5)
     preprocess, postprocess = make_pre_post_processors(policy.config, dataset_stats=dataset.meta.stats)
     batch = observe(["push red"])
     batch["observation.state"] = torch.tensor([state])
@@ -321,6 +326,21 @@ def test_describe_asks_for_the_object_that_moved(
     assert policy.describe(batch, labels=["mug"]) == ["I know none of the objects that I see."] * 3
 
 
+class Proposals(Detector):
+    """Looks twice, at an episode's first and last image, and proposes what it is given."""
+
+    threshold = 0.3
+
+    def __init__(self, *candidates: Candidates) -> None:
+        self._next = iter(candidates)
+
+    def can_read(self, names: object) -> bool:
+        return True
+
+    def propose(self, observation: object, names: object) -> Candidates:
+        return next(self._next)
+
+
 @pytest.mark.parametrize(
     ("places", "before", "after", "expected"),
     [
@@ -344,30 +364,11 @@ def test_describe_takes_what_is_gone_from_its_place(
     after: tuple[float, float],
     expected: str,
 ) -> None:
-    class Scores:
-        """Finds both labels at `places`, in the first frame, and there in the last one."""
-
-        threshold = 0.3
-        revision = None
-
-        def can_read(self, names: object) -> bool:
-            return True
-
-        def __call__(
-            self,
-            observation: object,
-            names: object,
-            near: torch.Tensor | None = None,
-            away: torch.Tensor | None = None,
-        ) -> Detections:
-            box = torch.tensor([[[x, 0.5, x, 0.5] for x in places]])
-            if away is not None:
-                return Detections(box + 0.3, torch.tensor([[0.2, 0.2]]))
-            assert near is None or torch.equal(near, box[..., :2])
-            return Detections(box, torch.tensor([before if near is None else after]))
-
+    box = torch.tensor([[[x, 0.5, x, 0.5] for x in places]])
+    first, there, elsewhere = (torch.diag(torch.tensor(each))[None] for each in (before, after, (0.2, 0.2)))
+    last = Candidates(torch.cat([box, box + 0.3], dim=1), torch.cat([there, elsewhere], dim=1))
     policy = make_policy(t5)
-    monkeypatch.setattr(policy.visual, "detector", Scores())
+    monkeypatch.setattr(policy.visual, "detector", Proposals(Candidates(box, first), last))
     asked = record_prompts(policy, monkeypatch)
     batch = observe_finished()
     texts = policy.describe(batch, labels=["cyan", "blue"])
@@ -392,23 +393,11 @@ def test_describe_takes_what_is_gone_from_its_place(
 def test_a_hidden_place_is_not_an_empty_one(
     t5: Path, monkeypatch: pytest.MonkeyPatch, box: tuple[float, ...], score: float, moved: bool
 ) -> None:
-    class Hidden:
-        """Sees the only object well in the first image, not at its place in the last, and so elsewhere."""
-
-        threshold = 0.3
-
-        def can_read(self, names: object) -> bool:
-            return True
-
-        def __call__(
-            self, observation: object, names: object, near: object = None, away: object = None
-        ) -> Detections:
-            if away is not None:
-                return Detections(torch.tensor([[box]]), torch.tensor([[score]]))
-            return Detections(torch.tensor([[[0.4, 0.4, 0.5, 0.5]]]), torch.tensor([[0.9 * (near is None)]]))
-
+    """The only object is seen well in the first image, not at its place in the last, and so elsewhere."""
+    first = Candidates(torch.tensor([[[0.4, 0.4, 0.5, 0.5]]]), torch.tensor([[[0.9]]]))
+    last = Candidates(torch.tensor([[box]]), torch.tensor([[[score]]]))
     policy = make_policy(t5)
-    monkeypatch.setattr(policy.visual, "detector", Hidden())
+    monkeypatch.setattr(policy.visual, "detector", Proposals(first, last))
     assert (policy.describe(observe_finished(), labels=["red"]) != ["nothing moved"]) == moved
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from black_images import black_images
 from nico_tabletop import report
 from nico_tabletop.configuration import ClaeoEnvConfig
 from nico_tabletop.robot import INITIAL_POSE_DEG
@@ -27,10 +28,11 @@ def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Path:
         observation_width=64,
     )
     (group, envs), *_ = config.create_envs(n_envs=2).items()
-    envs[0].reset(seed=[7, 8])
     done = [False]
-    while not all(done):
-        _, _, _, done, _ = envs[0].step(np.tile(INITIAL_POSE_DEG.astype(np.float32), (2, 1)))
+    with black_images():
+        envs[0].reset(seed=[7, 8])
+        while not all(done):
+            _, _, _, done, _ = envs[0].step(np.tile(INITIAL_POSE_DEG.astype(np.float32), (2, 1)))
     envs[0].close()
     write(folder, group, {"PUSH-L": [0.0, 0.0]}, ["outputs/there/videos/household_0/eval_episode_0.mp4"])
     video = folder / "videos" / "household_0" / "eval_episode_0.mp4"

@@ -41,6 +41,7 @@ CHOICES = {
 CHECKPOINT = "outputs/demo/train/checkpoints/last/pretrained_model"
 
 
+@pytest.mark.slow
 def test_the_readmes_example_runs(
     dataset: LeRobotDataset, t5: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -12,7 +12,7 @@ from lerobot.utils.constants import HF_LEROBOT_HOME
 from rich.console import Console
 
 from builder_tools.workers import quiet, usable_cores
-from lerobot_owlxt5.command_line import command
+from lerobot_owlxt5.command_line import check_numbers, command
 from nico_tabletop.drawing import DrawingError, check_image_size
 from nico_tabletop.objects import read_objects
 from nico_tabletop.scoring import Outcome
@@ -114,14 +114,11 @@ def _check(config: DatasetConfig) -> None:
             f"--height and --width of a video must be even; got {config.height} and {config.width} "
             "(--video=false stores images of any size)"
         )
-    if config.seed < 0:
-        raise ValueError(f"--seed must not be negative; got {config.seed}")
+    check_numbers(config, "workers")
 
 
 def _build(config: DatasetConfig, repo_id: str, root: Path, record: Build, console: Console) -> None:
     workers = usable_cores() if config.workers is None else config.workers
-    if workers < 1:
-        raise ValueError(f"--workers must be at least 1; got {workers}")
     shard = _shard(config.shard)
     demonstrations = _demonstrations(config)
     if config.push_to_hub:

@@ -2,6 +2,7 @@
 """How the detector is trained: its loss, its optimizer, and the choice of its score threshold."""
 
 from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
 from typing import Any
 
 import torch
@@ -17,12 +18,8 @@ from transformers import (  # type: ignore[attr-defined]
 from .detector import predict_patches
 from .detector_batches import Collator
 
-try:
-    from timm.optim import Muon
-except ModuleNotFoundError as error:
-    raise ModuleNotFoundError(
-        "making backbones needs timm: pip install 'lerobot_policy_owlxt5[backbones]'"
-    ) from error
+if find_spec("timm") is None:  # now, not after an hour of rendering
+    raise ModuleNotFoundError("making backbones needs timm: pip install 'lerobot_policy_owlxt5[backbones]'")
 
 _IMAGES_AT_ONCE = 32
 _L1_WEIGHT, _GIOU_WEIGHT = 5.0, 2.0
@@ -63,6 +60,8 @@ class DetectorTrainer(Trainer):
     """
 
     def __init__(self, model: nn.Module, args: TrainingArguments, **kwargs: Any) -> None:
+        from timm.optim import Muon  # takes seconds: it imports all of timm's models
+
         named = [*model.named_parameters()]
         matrices = [weight for name, weight in named if weight.ndim == 2 and ".layers." in name]
         rest = [weight for name, weight in named if weight.ndim != 2 or ".layers." not in name]

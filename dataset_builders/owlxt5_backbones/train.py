@@ -13,7 +13,7 @@ from transformers.trainer_utils import get_last_checkpoint
 
 from builder_tools.workers import usable_cores
 from lerobot_owlxt5.backbones.small_t5 import SmallT5Config
-from lerobot_owlxt5.command_line import command
+from lerobot_owlxt5.command_line import check_numbers, command
 from nico_tabletop.drawing import DrawingError
 
 from .card import commands, write_detector_card, write_language_model_card
@@ -170,11 +170,7 @@ def main(config: BackbonesConfig) -> None:
     """Make the data, train, evaluate, and say where the result is."""
     if config.part not in RECIPES:
         sys.exit(f"owlxt5-backbones: --part is one of {', '.join(RECIPES)}, not {config.part!r}")
-    for name in ("steps", "batch_size", "images", "learning_rate"):
-        if (number := getattr(config, name)) is not None and number <= 0:
-            raise ValueError(f"--{name} must be above 0; got {number}")
-    if config.seed < 0:
-        raise ValueError(f"--seed must not be negative; got {config.seed}")
+    check_numbers(config, "steps", "batch_size", "images", "learning_rate")
     # Reads the card of the model to start from: better missing now than after hours.
     command = config.command
     if config.part == "detector":

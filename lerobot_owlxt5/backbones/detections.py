@@ -54,6 +54,33 @@ class Detections(NamedTuple):
         return torch.stack([x, lower], dim=-1)
 
 
+class Candidates(NamedTuple):
+    """All boxes that a detector proposes in each image.
+
+    Attributes:
+        box: (batch, boxes, 4), as in `Detections`.
+        score: (batch, boxes, names) in [0, 1].
+    """
+
+    box: Tensor
+    score: Tensor
+
+    def at(self, places: Tensor) -> Tensor:
+        """Which boxes have their centre at which places (batch, places, 2); bool (batch, boxes, places)."""
+        centre = (self.box[..., :2] + self.box[..., 2:]) / 2
+        return same_place(centre[:, :, None], places[:, None])
+
+    def best(self, counts: Tensor | None = None) -> Detections:
+        """For each name the box with the highest score (paper, 3).
+
+        Args:
+            counts: (batch, boxes, names) bool: which boxes count for which name. None: all.
+        """
+        scores = self.score if counts is None else self.score * counts
+        score, index = scores.max(dim=1)
+        return Detections(self.box.gather(1, index[..., None].expand(-1, -1, self.box.shape[-1])), score)
+
+
 class Detector(Protocol):
     """Finds named objects.
 
@@ -68,22 +95,17 @@ class Detector(Protocol):
     def can_read(self, names: Sequence[str]) -> bool:
         """Whether names that are looked for together are short enough to be read to their end."""
 
-    def __call__(
-        self,
-        observation: Mapping[str, Any],
-        names: Sequence[Sequence[str]],
-        near: Tensor | None = None,
-        away: Tensor | None = None,
-    ) -> Detections:
-        """Detect.
+    def propose(self, observation: Mapping[str, Any], names: Sequence[Sequence[str]]) -> Candidates:
+        """Look once, to choose among the boxes afterwards.
 
         Args:
             observation: Features `observation.*` of one step, (batch, ...) without a time axis.
             names: For each sample, the names to look for; the same number for each sample.
-            near: (batch, names, 2), shares of the image: only boxes whose centre is at this place count,
-                `SAME_PLACE` about it.
-            away: (batch, names, places, 2): boxes whose centre is at one of these places do not count.
         """
+
+    def __call__(self, observation: Mapping[str, Any], names: Sequence[Sequence[str]]) -> Detections:
+        """Detect: the best of what `propose` gives."""
+        return self.propose(observation, names).best()
 
 
 def same_place(centre: Tensor, other: Tensor) -> Tensor:

@@ -5,17 +5,16 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
-from torch import Tensor
 
 from ..commands.parser import plain
 from ..configuration_owlxt5 import NO_OBJECTS, OBS_OBJECTS
-from .detections import Detections, same_place
+from .detections import Candidates, Detector
 
 # Per object: a box of 4 numbers and its name as 24 bytes.
 OBJECT_NUMBERS, BOX_NUMBERS = 28, 4
 
 
-class GroundTruthDetector:
+class GroundTruthDetector(Detector):
     """Reads boxes and names from `observation.objects`; see `detections.Detector`."""
 
     threshold = 0.5
@@ -25,14 +24,8 @@ class GroundTruthDetector:
         """See `detections.Detector`: names are compared as they are."""
         return True
 
-    def __call__(
-        self,
-        observation: Mapping[str, Any],
-        names: Sequence[Sequence[str]],
-        near: Tensor | None = None,
-        away: Tensor | None = None,
-    ) -> Detections:
-        """Detect: see `detections.Detector`.
+    def propose(self, observation: Mapping[str, Any], names: Sequence[Sequence[str]]) -> Candidates:
+        """See `detections.Detector`.
 
         Raises:
             ValueError: If the observation has no `observation.objects`.
@@ -48,15 +41,8 @@ class GroundTruthDetector:
             [[_find(name, objects) for name in asked] for asked, objects in zip(names, present, strict=True)],
             device=boxes.device,
         )
-        index = slot.clamp(min=0)
-        score = (slot >= 0) & visible.gather(1, index)
-        found = Detections(boxes.gather(1, index[..., None].expand(-1, -1, BOX_NUMBERS)), score.float())
-        counts = found.score
-        if near is not None:
-            counts = counts * same_place(found.centre, near)
-        if away is not None:
-            counts = counts * ~same_place(found.centre[:, :, None], away).any(dim=-1)
-        return Detections(found.box, counts)
+        here = slot[:, None] == torch.arange(boxes.shape[1], device=boxes.device)[:, None]
+        return Candidates(boxes, (here & visible[..., None]).float())
 
 
 def _find(name: str, present: Sequence[str]) -> int:

@@ -8,7 +8,7 @@ It knows nothing: train it along with `--policy.train_language_model=true`.
 
 import shlex
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import torch
@@ -18,7 +18,7 @@ from tokenizers.models import BPE
 from tokenizers.trainers import BpeTrainer
 from transformers import PreTrainedTokenizerFast, T5Config, T5ForConditionalGeneration
 
-from ..command_line import command
+from ..command_line import check_numbers, command
 from ..commands import prompts
 from ..commands.parser import spoken
 from ..commands.verbs import VERBS
@@ -129,10 +129,7 @@ def main(config: SmallT5Config) -> None:
         raise ValueError(
             f"--dataset_root={config.dataset_root} holds no LeRobotDataset (no meta/info.json there)."
         )
-    for field in fields(config):
-        value, least = getattr(config, field.name), 0 if field.name == "seed" else 1
-        if isinstance(value, int) and value < least:
-            raise ValueError(f"--{field.name} must be at least {least}; got {value}")
+    check_numbers(config, "vocab_size", "d_model", "d_kv", "d_ff", "num_layers", "num_heads")
     model = make_small_t5(config, collect_texts(config.dataset_root))
     print(
         f"Small untrained T5 ({model.num_parameters():,} parameters, {model.config.vocab_size} tokens) "

@@ -19,24 +19,11 @@ from transformers import (
 )
 
 from ..commands.parser import object_name
-from .detections import Detections, same_place
-from .ground_truth import BOX_NUMBERS
+from .detections import Candidates, Detector
 from .pretrained import find_backbone, load_pretrained
 
 # OWLv2 looks at 3600 patches of an image: a whole training batch at once would not fit into memory.
 IMAGES_AT_ONCE = 8
-
-
-class Candidates(NamedTuple):
-    """All boxes that a model proposes in each image.
-
-    Attributes:
-        box: (batch, boxes, 4), left, upper, right and lower edge as shares of the image.
-        score: (batch, boxes, names) in [0, 1].
-    """
-
-    box: Tensor
-    score: Tensor
 
 
 class OwlCandidates:
@@ -135,7 +122,7 @@ KINDS: dict[str, Kind] = {
 """By `model_type`."""
 
 
-class ZeroShotDetector:
+class ZeroShotDetector(Detector):
     """Any detector of `KINDS`, on one camera; see `detections.Detector`.
 
     Like the frozen language model it is no part of the policy's module tree.
@@ -183,40 +170,27 @@ class ZeroShotDetector:
         """See `detections.Detector`."""
         return self.candidates.can_read([object_name(name) for name in names])
 
-    def __call__(
-        self,
-        observation: Mapping[str, Any],
-        names: Sequence[Sequence[str]],
-        near: Tensor | None = None,
-        away: Tensor | None = None,
-    ) -> Detections:
-        """Detect: see `detections.Detector`."""
+    def propose(self, observation: Mapping[str, Any], names: Sequence[Sequence[str]]) -> Candidates:
+        """See `detections.Detector`."""
         images = observation[self.camera]
         if images.dtype == torch.uint8:
             images = images / 255
         parts = [
-            self._detect(images[part], names[part], *(at if at is None else at[part] for at in (near, away)))
+            self._propose(images[part], names[part])
             for part in (
                 slice(first, first + IMAGES_AT_ONCE) for first in range(0, len(images), IMAGES_AT_ONCE)
             )
         ]
-        return Detections(*(torch.cat(tensors) for tensors in zip(*parts, strict=True)))
+        return Candidates(*(torch.cat(tensors) for tensors in zip(*parts, strict=True)))
 
     @torch.no_grad()
-    def _detect(
-        self, images: Tensor, names: Sequence[Sequence[str]], near: Tensor | None, away: Tensor | None
-    ) -> Detections:
+    def _propose(self, images: Tensor, names: Sequence[Sequence[str]]) -> Candidates:
         self.model.to(images.device)
         full_names = [[object_name(name) for name in asked] for asked in names]
         boxes, scores = self.candidates(images, full_names)
-        centre = ((boxes[..., :2] + boxes[..., 2:]) / 2)[:, :, None]
-        counts = ((centre >= 0) & (centre <= 1)).all(dim=-1)
-        if near is not None:
-            counts = counts & same_place(centre, near[:, None])
-        if away is not None:
-            counts = counts & ~same_place(centre[:, :, :, None], away[:, None]).any(dim=-1)
-        score, index = (scores * counts).max(dim=1)
-        return Detections(boxes.gather(1, index[..., None].expand(-1, -1, BOX_NUMBERS)), score)
+        centre = (boxes[..., :2] + boxes[..., 2:]) / 2
+        inside = ((centre >= 0) & (centre <= 1)).all(dim=-1)
+        return Candidates(boxes, scores * inside[..., None])
 
 
 def to_image_coordinates(points: Tensor, height: int, width: int) -> Tensor:

@@ -72,6 +72,7 @@ class EpisodeStore:
     def __init__(self, meta: "LeRobotDatasetMetadata") -> None:
         self._meta = meta
         self.frames = EpisodeFrames(meta)
+        self._mean_lengths: dict[int, float] = {}
 
     def __len__(self) -> int:
         """Episodes of the dataset, those whose files are not on this machine too."""
@@ -132,8 +133,10 @@ class EpisodeStore:
 
         It scales all losses alike. LeRobot does not tell a policy which episodes are left out.
         """
-        length = self._trajectories.length
-        return length[length <= steps].double().mean().item()
+        if steps not in self._mean_lengths:
+            length = self._trajectories.length
+            self._mean_lengths[steps] = length[length <= steps].double().mean().item()
+        return self._mean_lengths[steps]
 
     @property
     def initial_pose(self) -> Tensor:

@@ -18,7 +18,7 @@ from lerobot.utils.constants import ACTION, OBS_PREFIX
 from rich.console import Console
 from yaml import YAMLError
 
-from ..command_line import check_given, explain, quote_texts, write_whatever_the_locale
+from ..command_line import check_given, check_numbers, explain, quote_texts, write_whatever_the_locale
 from ..configuration_crossmodal import CrossmodalConfig
 from ..configuration_owlxt5 import GROUND_TRUTH
 from ..data.episode_store import find_long_episode
@@ -201,10 +201,7 @@ def describe_run(
 @parser.wrap()
 def _evaluate(config: EvaluateConfig) -> None:
     check_given(config)
-    if config.batch_size < 1:
-        raise ValueError(f"--batch_size must be at least 1; got {config.batch_size}")
-    if config.seed < 0:
-        raise ValueError(f"--seed must not be negative; got {config.seed}")
+    check_numbers(config, "batch_size")
     policy, preprocessor, postprocessor = load_policy()
     dataset = open_dataset(config, policy.config)
     scores = score_policy(
