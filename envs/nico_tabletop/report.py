@@ -120,7 +120,9 @@ def outcome_table(evaluations: Sequence[Evaluation]) -> Table:
     """A row for each action and one for each evaluation; failures by kind where they were recorded."""
     table = Table(title="Outcomes")
     for heading in ("objects", "action", "episodes", *Outcome, *Failure, "success"):
-        table.add_column(str(heading), justify="left" if heading in ("objects", "action") else "right")
+        name = heading in ("objects", "action")
+        # On 80 columns headings go over several lines, and names stay whole.
+        table.add_column(str(heading), justify="left" if name else "right", no_wrap=name, overflow="fold")
     for evaluation in evaluations:
         by_action: dict[str, list[Trial]] = {}
         for trial in evaluation.trials:
