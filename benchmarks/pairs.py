@@ -269,11 +269,12 @@ def _show(folder: Path, image: Path | None) -> None:
         for options, entries in (training.values() for training in found.values()):
             row = panels[["owlxt5", "crosst5"].index(options["policy"])]
             curves = pd.DataFrame(entries).set_index("step")[FIGURES]
-            curves.plot(
-                ax=row, subplots=True, color=f"C{int(options['core']) - 1}", legend=False, ylim=(0, None)
-            )
+            colour = f"C{int(options['core']) - 1}"
+            curves.plot(ax=row, subplots=True, color=colour, legend=False)
             for panel, name in zip(row, FIGURES, strict=True):
                 panel.set(title=f"{options['policy']}: {name}, %", xlabel="steps")
+        for panel in panels.flat:
+            panel.set_ylim(bottom=0)
         figure.suptitle("blue: version 1 of the core, orange: version 2; a line for each seed")
         figure.savefig(image, dpi=80)
 
