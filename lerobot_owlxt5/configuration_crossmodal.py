@@ -9,11 +9,16 @@ from lerobot.configs import FeatureType, NormalizationMode, PolicyFeature, PreTr
 from lerobot.optim import AdamConfig
 from lerobot.utils.constants import ACTION, OBS_STATE
 
+from .backbones.pretrained import EMBEDDED
 from .camera import choose_camera
 from .commands.prompts import MODES
 
 CORE_VERSION = 2
 """What the core's parameters mean. Version 1, which no configuration names, had no ReLU and norm on keys."""
+
+
+NO_UNDERSTANDING = "none"
+"""In place of a model's name: words go to the language model as they are."""
 
 
 def _default_normalization() -> dict[str, NormalizationMode]:
@@ -39,6 +44,10 @@ class CrossmodalConfig(PreTrainedConfig):
         language_model: T5 to split: Hub id, folder (weights as safetensors), or `embedded`, the small one in
             this package.
         language_model_revision: Hub revision of the language model; None is its main branch.
+        understanding: T5 that has learnt what people ask for: Hub id, folder, `embedded`, or `none`: then the
+            words go to language model and detector as they are, as in the paper. It is not trained here, and
+            a checkpoint only names it.
+        understanding_revision: Hub revision of it; None is its main branch.
         train_language_model: Train T5 along and store its weights in the checkpoint. By default it stays
             frozen and a checkpoint only names it.
         camera: Image feature to look at. None: `observation.images.eyes`, or the only camera.
@@ -75,6 +84,8 @@ class CrossmodalConfig(PreTrainedConfig):
     language_model: str = "google-t5/t5-small"
     language_model_revision: str | None = None
     train_language_model: bool = False
+    understanding: str = EMBEDDED
+    understanding_revision: str | None = None
     camera: str | None = None
 
     # Architecture.
@@ -214,7 +225,10 @@ class CrossmodalConfig(PreTrainedConfig):
     @property
     def backbones(self) -> dict[str, tuple[str, str | None]]:
         """Name and revision of the pretrained models, by the option that names them."""
-        return {"language_model": (self.language_model, self.language_model_revision)}
+        named = {"language_model": (self.language_model, self.language_model_revision)}
+        if self.understanding != NO_UNDERSTANDING:
+            named["understanding"] = (self.understanding, self.understanding_revision)
+        return named
 
     @property
     def camera_key(self) -> str:

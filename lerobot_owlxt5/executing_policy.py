@@ -1,21 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """The mode execute: what a robot does about a command, and what it says."""
 
-from typing import Any
+from functools import cached_property
+from typing import Any, cast
 
 import torch
 from lerobot.policies.pretrained import PreTrainedPolicy
 from lerobot.utils.constants import OBS_STATE
 from torch import Tensor
 
-from .commands.instruction import interpret
-from .configuration_crossmodal import CrossmodalConfig
+from .backbones.understanding import Understanding
+from .commands.answer import Target
+from .commands.instruction import Instruction, TaskReader, spoken_of
+from .commands.parser import named_objects
+from .configuration_crossmodal import NO_UNDERSTANDING, CrossmodalConfig
 from .data.start_pose import NEAR, is_far
 from .data.windows import first_pose, still
 from .model.crossmodal_model import CrossmodalModel
 from .plans import Plans
+from .scene import Search
 from .validation import check_state, read_tasks
-from .visual_encoder import VisualEncoder
+from .visual_encoder import ObjectFinder, Sightings, VisualEncoder
+
+NO_OBJECTS_SEEN = "I hold still, because I see whole images and no objects: I know neither places nor names."
 
 
 class ExecutingPolicy(PreTrainedPolicy):
@@ -50,6 +57,7 @@ class ExecutingPolicy(PreTrainedPolicy):
     def reset(self) -> None:
         """Forget the plans: a new episode begins."""
         self._plans = Plans()
+        self._spoken_of: list[Target | None] = []
         self.responses: list[str] = []
 
     def drop_queued_actions(self) -> None:
@@ -100,16 +108,61 @@ class ExecutingPolicy(PreTrainedPolicy):
         """
         self._begin("execute")
         check_state(batch[OBS_STATE], self.config.action_feature.shape[0])
-        can_read = self.visual.can_read if self.visual.names_objects else None
-        instructions = [interpret(task, self.config.tasks or (), can_read) for task in read_tasks(batch)]
-        seen = self.visual.encode(batch, [instruction.command.object for instruction in instructions])
-        far = is_far(batch[OBS_STATE], self.rest_pose, self.rest_tolerance)
-        facts = zip(instructions, seen.object_found.tolist(), far.tolist(), strict=True)
-        obstacles = [instruction.obstacle(*what) for instruction, *what in facts]
-        answers = zip(obstacles, instructions, strict=True)
-        self.responses = [obstacle or instruction.command.intention for obstacle, instruction in answers]
+        tasks = read_tasks(batch)
+        before = self._spoken_of if len(self._spoken_of) == len(tasks) else [None] * len(tasks)
+        instructions = [self._instruct(*each) for each in zip(tasks, before, strict=True)]
+        searches = [
+            Search(each.target, last, takes_best=each.trained, wants_report=each.wants_report)
+            for each, last in zip(instructions, before, strict=True)
+        ]
+        seen = self._look(batch, searches)
+        far = is_far(batch[OBS_STATE], self.rest_pose, self.rest_tolerance).tolist()
+        facts = zip(instructions, seen.problems, far, strict=True)
+        obstacles = [instruction.obstacle(problem, is_far_off) for instruction, problem, is_far_off in facts]
+        answers = zip(obstacles, instructions, seen.names, strict=True)
+        self.responses = [obstacle or instruction.intention(name) for obstacle, instruction, name in answers]
+        self._spoken_of = [
+            last if obstacle else spoken_of(instruction.target, name)
+            for obstacle, instruction, name, last in zip(
+                obstacles, instructions, seen.names, before, strict=True
+            )
+        ]
         pose = first_pose(batch)
         prompts = [instruction.prompt for instruction in instructions]
-        actions = self.model.plan(prompts, seen.features[:, :1], still(pose), self.config.max_episode_steps)
+        actions = self.model.plan(prompts, seen.features, still(pose), self.config.max_episode_steps)
         moves = torch.tensor([not obstacle for obstacle in obstacles], device=pose.device)
         return torch.where(moves[:, None, None], actions, pose[:, None])
+
+    def _look(self, batch: dict[str, Any], searches: list[Search]) -> Sightings:
+        """Find what is meant. Without a detector, what a name means is for the network to tell."""
+        if self.visual.names_objects:
+            labels = named_objects(self.config.tasks or [])
+            finder = cast(ObjectFinder, self.visual)
+            return finder.find(batch, searches, labels, self._in_english)
+        names = [search.target.phrase if search.target else "" for search in searches]
+        problems = [NO_OBJECTS_SEEN if search.needs_objects else "" for search in searches]
+        return Sightings(self.visual.encode(batch, names).features[:, :1], names, problems)
+
+    def _instruct(self, task: str, before: Target | None) -> Instruction:
+        """What a task asks for; `before` was spoken of last."""
+        reader = TaskReader(tuple(self.config.tasks or ()), self.visual.names_objects)
+        instruction = reader.read_task(task)
+        if instruction is not None:
+            return instruction
+        if self._understanding is None:
+            return reader.read_words(task)
+        understood = self._understanding(task)
+        return reader.read_answer(understood.answer, understood.sure, before)
+
+    def _in_english(self, name: str) -> str:
+        return self._understanding.in_english(name) if self._understanding else name
+
+    @cached_property
+    def _understanding(self) -> Understanding | None:
+        """Loaded when something is said that no training had. It is no part of a checkpoint."""
+        config = self.config
+        if config.understanding == NO_UNDERSTANDING:
+            return None
+        understanding = Understanding(config.understanding, config.understanding_revision)
+        config.understanding_revision = understanding.revision
+        return understanding

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
+from .autoencoder_features import AutoencoderFeatures
 from .commands.prompts import check_texts, repeat_language_prompt
 from .configuration_crosst5 import CrossT5Config
 from .modeling_crossmodal import CrossmodalPolicy
 from .modeling_crosst5_autoencoder import load_autoencoder
-from .visual_encoder import AutoencoderFeatures
 
 if TYPE_CHECKING:
     from lerobot.datasets import LeRobotDatasetMetadata

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from .configuration_owlxt5 import OWLxT5Config
 from .modeling_crossmodal import CrossmodalPolicy
-from .visual_encoder import ObjectPoint
+from .object_point import ObjectPoint
 
 if TYPE_CHECKING:
     from lerobot.datasets import LeRobotDatasetMetadata

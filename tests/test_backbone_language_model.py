@@ -20,7 +20,7 @@ from owlxt5_backbones.grammar import (
     draw_translation,
     nouns,
 )
-from owlxt5_backbones.language_model import draw_example
+from owlxt5_backbones.language_model import KINDS, draw_example
 from owlxt5_backbones.train import BackbonesConfig, train_language_model
 
 pytestmark = pytest.mark.slow  # trains
@@ -103,7 +103,7 @@ def test_examples_copy_names_that_no_list_has() -> None:
     known = {word for noun in nouns() for word in noun.english.split()}
     described = [
         (prompt.removeprefix("describe: "), answer)
-        for prompt, answer in (draw_example(rng) for _ in range(2000))
+        for prompt, answer in (draw_example(rng, KINDS) for _ in range(2000))
         if prompt.startswith("describe: ")
     ]
     assert all(prompt == answer for prompt, answer in described)
@@ -115,10 +115,10 @@ def test_a_miniature_model_learns_and_gets_a_card(tmp_path: Path, monkeypatch: p
     config = BackbonesConfig("language_model", tmp_path, steps=300, batch_size=16, learning_rate=1e-2)
     sizes = {"vocab_size": 600, "d_model": 32, "d_kv": 8, "d_ff": 64, "num_layers": 1}
     _, losses = train_language_model(config, SmallT5Config(tmp_path / "model", **sizes))
-    assert np.mean(losses[-5:]) < 0.75 * np.mean(losses[:5])
+    assert np.mean(losses[-5:]) < 0.8 * np.mean(losses[:5])
     monkeypatch.setattr(card, "_EXAMPLES", 3)
     facts = {"command": config.command, "size": "a few"}
-    table = card.write_language_model_card(config.model_dir, 0, 300 * 16, **facts)
+    table = card.write_language_model_card(config.model_dir, "language_model", 0, 300 * 16, **facts)
     assert "| translate, invented name |" in table
     written = (tmp_path / "model" / "README.md").read_text(encoding="utf-8")
     assert table in written

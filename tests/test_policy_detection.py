@@ -161,7 +161,10 @@ def test_ground_truth_names() -> None:
     batch = observe(["-"], objects)
     asked = ["red", "red cube", "mustard bottle", "wine bottle", "bottle", "ball", ""]
     found = GroundTruthDetector()(batch, [asked])
-    assert found.score.tolist() == [[1, 1, 1, 1, 0, 0, 0]]
+    assert found.score.tolist() == [[1, 1, 1, 1, 1, 0, 0]]
+    # Two bottles fit: who asks for one has to choose.
+    things = GroundTruthDetector().propose(batch, [asked]).things(0.5)
+    assert things.score[:, 4].tolist() == [0, 1, 1]
     assert torch.allclose(found.centre[0, :4, 0], torch.tensor([0.2, 0.2, 0.5, 0.8]))
 
 

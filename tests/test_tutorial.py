@@ -22,7 +22,7 @@ from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
 from lerobot_owlxt5.evaluation.cli import EvaluateConfig
 from nico_tabletop.configuration import ClaeoEnvConfig
 from owlxt5_backbones.train import BackbonesConfig
-from policy_helpers import make_owlv2, make_policy
+from policy_helpers import make_policy
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
@@ -45,7 +45,7 @@ CHECKPOINT = "outputs/demo/train/checkpoints/last/pretrained_model"
 def test_the_readmes_example_runs(
     dataset: LeRobotDataset, t5: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    policy = make_policy(t5, detector=str(make_owlv2(tmp_path / "owlv2")), score_threshold=0.0)
+    policy = make_policy(t5, detector="embedded")
     policy.save_pretrained(tmp_path)
     for processor in make_pre_post_processors(policy.config, dataset_stats=dataset.meta.stats):
         processor.save_pretrained(tmp_path)

@@ -2,6 +2,7 @@
 """The lessons in understanding, and the sentences that are held out of them."""
 
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +12,9 @@ from transformers import AutoTokenizer
 from lerobot_owlxt5.backbones.answer_constraint import AnswerConstraint
 from lerobot_owlxt5.backbones.pretrained import EMBEDDED, find_backbone
 from lerobot_owlxt5.commands.answer import Hold, Question, Request, format_answer, parse_answer
-from owlxt5_backbones.language_model import Examples
+from owlxt5_backbones.language_model import UNDERSTANDING_KINDS, Examples
 from owlxt5_backbones.understanding_lessons import (
+    HELD_OUT,
     draw_lesson,
     draw_understood,
     frames,
@@ -79,8 +81,9 @@ def test_contrasts_differ_in_what_is_right(language: str) -> None:
         assert len({frame.kind for frame in pair}) == len(pair) == 2
 
 
-def test_held_out_answers_can_be_given() -> None:
-    path = "dataset_builders/owlxt5_backbones/held_out_sentences.tsv"
+@pytest.mark.parametrize("name", HELD_OUT)
+def test_held_out_answers_can_be_given(name: str) -> None:
+    path = Path(__file__).parents[1] / "dataset_builders" / "owlxt5_backbones" / name
     tokenizer = AutoTokenizer.from_pretrained(find_backbone(EMBEDDED, "language_model", None)[0])
     with open(path, encoding="utf-8") as file:
         rows = [line.rstrip("\n").split("\t") for line in file if not line.startswith("#")]
@@ -93,4 +96,5 @@ def test_held_out_answers_can_be_given() -> None:
 
 
 def test_a_resumed_training_goes_on_with_the_next_example() -> None:
-    assert [*islice(Examples(3, first=4), 6)] == [*islice(Examples(3), 10)][4:]
+    whole = [*islice(Examples(UNDERSTANDING_KINDS, 3, batch_size=2), 40)]
+    assert [*islice(Examples(UNDERSTANDING_KINDS, 3, batch_size=2, first=18), 22)] == whole[18:]

@@ -30,7 +30,11 @@ Evaluation:
 $table
 """)
 _DETECTOR = """A small OWLv2 (`Owlv2ForObjectDetection`) for `--policy.detector=embedded`."""
-_LANGUAGE_MODEL = """A small T5 (`T5ForConditionalGeneration`) for `--policy.language_model=embedded`."""
+_T5 = """A small T5 (`T5ForConditionalGeneration`) for `--policy.{}=embedded`."""
+_NOTES = {
+    "language_model": "Three in ten names are invented, those of the last kinds all.",
+    "understanding": "In the policies it can give nothing but a formal answer.",
+}
 
 
 def commands(folder: Path) -> str:
@@ -81,11 +85,12 @@ def write_detector_card(folder: Path, seed: int, **facts: object) -> str:
     return _write(folder, table, name="detector", what=_DETECTOR, **facts)
 
 
-def write_language_model_card(folder: Path, seed: int, trained: int, **facts: object) -> str:
-    """Evaluate a language model and write the card into its folder.
+def write_language_model_card(folder: Path, part: str, seed: int, trained: int, **facts: object) -> str:
+    """Evaluate a T5 and write the card into its folder.
 
     Args:
-        folder: Of the language model.
+        folder: Of the T5.
+        part: `language_model` or `understanding`.
         seed: Of its training.
         trained: How many examples it was trained on.
         **facts: `command` and `size` for the card.
@@ -93,18 +98,18 @@ def write_language_model_card(folder: Path, seed: int, trained: int, **facts: ob
     Returns:
         The table of results.
     """
-    results = evaluate_language_model(str(folder), _EXAMPLES, trained=trained, training_seed=seed)
+    results = evaluate_language_model(str(folder), _EXAMPLES, part, trained=trained, training_seed=seed)
     table = "\n".join(
         [
             "| examples | exact match |",
             "|---|---|",
             *(f"| {metrics.kind} | {metrics.exact_match:.1%} |" for metrics in results),
             "",
-            f"{_EXAMPLES} examples of each kind, none of which was in training. In the first kinds three in",
-            "ten names are invented. Invented names are one to three words of random letters.",
+            f"{_EXAMPLES} examples of each kind, none of which was in training.",
+            _NOTES[part],
         ]
     )
-    return _write(folder, table, name="language model", what=_LANGUAGE_MODEL, **facts)
+    return _write(folder, table, name=part.replace("_", " "), what=_T5.format(part), **facts)
 
 
 def _write(folder: Path, table: str, **facts: object) -> str:

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Evaluates a language model on examples that it was not trained on: is it right to the letter?"""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import islice
 
@@ -12,10 +11,32 @@ from lerobot_owlxt5.backbones.language_model import SplitT5
 from lerobot_owlxt5.commands import prompts
 from lerobot_owlxt5.commands.pseudo_names import draw_name
 
-from .language_model import KINDS, Example, Examples
+from .language_model import KINDS, UNDERSTANDING_KINDS, Example, Examples, Kinds
 
 _MOST_TOKENS = 96
 _AT_ONCE = 50
+
+
+def _translate_invented(rng: np.random.Generator) -> Example:
+    name = draw_name(rng)
+    return prompts.translate_prompt(f"Push the {name} to the left"), f"Schiebe das {name} nach links"
+
+
+def _repeat_invented(rng: np.random.Generator) -> Example:
+    name = draw_name(rng)
+    return prompts.repeat_language_prompt(f"pull {name}"), f"pull {name}"
+
+
+TRAINED: dict[str, Kinds] = {"language_model": KINDS, "understanding": UNDERSTANDING_KINDS}
+"""What each part learns."""
+_ASKED: dict[str, Kinds] = {
+    "language_model": {
+        **{kind: drawn for kind, drawn in KINDS.items() if kind != "repeat action"},
+        "translate, invented name": (_translate_invented, 0.0),
+        "repeat language, invented name": (_repeat_invented, 0.0),
+    },
+    "understanding": UNDERSTANDING_KINDS,
+}
 
 
 @dataclass(frozen=True)
@@ -36,21 +57,29 @@ class AnswerMetrics:
 
 
 def evaluate_language_model(
-    name: str, examples: int, *, trained: int, training_seed: int, seed: int = 10_000
+    name: str,
+    examples: int,
+    part: str = "language_model",
+    *,
+    trained: int,
+    training_seed: int,
+    seed: int = 10_000,
 ) -> list[AnswerMetrics]:
-    """Ask for examples of each kind, and for invented names alone: one to three words of random letters.
+    """Ask for examples of each kind: is the answer right to the letter, without any constraint?
 
     Args:
         name: Folder or Hub id of a T5, or `embedded`.
-        examples: How many of each kind.
+        examples: How many of each kind: of those that it learns, and for the language model of invented names
+            alone.
+        part: One of `TRAINED`.
         trained: How many examples it was trained on; none of them is asked for.
         training_seed: And the seed of these.
         seed: Of the examples of this evaluation.
     """
-    known = {prompt for prompt, _ in islice(Examples(training_seed), trained)}
+    known = {prompt for prompt, _ in islice(Examples(TRAINED[part], training_seed), trained)}
     language = SplitT5(name)
     results = []
-    for kind, draw in _KINDS.items():
+    for kind, (draw, _) in _ASKED[part].items():
         rng, chosen = np.random.default_rng(seed), dict[str, str]()
         while len(chosen) < examples:
             prompt, answer = draw(rng)
@@ -64,23 +93,6 @@ def evaluate_language_model(
         ]
         results.append(AnswerMetrics(kind, examples, 1 - len(wrong) / examples, wrong[:5]))
     return results
-
-
-def _translate_invented(rng: np.random.Generator) -> Example:
-    name = draw_name(rng)
-    return prompts.translate_prompt(f"Push the {name} to the left"), f"Schiebe das {name} nach links"
-
-
-def _repeat_invented(rng: np.random.Generator) -> Example:
-    name = draw_name(rng)
-    return prompts.repeat_language_prompt(f"pull {name}"), f"pull {name}"
-
-
-_KINDS: dict[str, Callable[[np.random.Generator], Example]] = {
-    **{kind: draw for kind, (draw, _) in KINDS.items() if kind != "repeat action"},
-    "translate, invented name": _translate_invented,
-    "repeat language, invented name": _repeat_invented,
-}
 
 
 def _answers(language: SplitT5, prompts: list[str]) -> list[str]:

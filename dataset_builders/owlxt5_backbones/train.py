@@ -20,8 +20,16 @@ from .card import commands, write_detector_card, write_language_model_card
 from .detector import DetectorSizes, load_detector_model, make_detector_model
 from .detector_batches import Collator
 from .detector_training import DetectorTrainer, find_threshold
+from .evaluate_language_model import TRAINED
 from .images import make_images
-from .language_model import ExampleCollator, Examples, load_language_model, make_language_model, shipped_sizes
+from .language_model import (
+    ExampleCollator,
+    Examples,
+    load_language_model,
+    make_language_model,
+    shipped_sizes,
+)
+from .understanding_threshold import find_understanding_threshold
 
 _VALIDATION_IMAGES = 480
 # Patches to look at, of 256.
@@ -36,14 +44,18 @@ class Recipe(NamedTuple):
     learning_rate: float
 
 
-RECIPES = {"detector": Recipe(5000, 48, 2e-3), "language_model": Recipe(8000, 64, 1.5e-3)}
+RECIPES = {
+    "detector": Recipe(5000, 48, 2e-3),
+    "language_model": Recipe(8000, 64, 1.5e-3),
+    "understanding": Recipe(8000, 64, 1.5e-3),
+}
 
 
 @dataclass
 class BackbonesConfig:
-    """Train a small OWLv2 on rendered scenes, or a small T5 on sentences of a grammar."""
+    """Train a small OWLv2 on rendered scenes, or a small T5 on sentences of a grammar or on lessons."""
 
-    # `detector` or `language_model`.
+    # `detector`, `language_model` or `understanding`.
     part: str
     # Folder for training data, checkpoints and, in `model`, the result.
     output_dir: Path
@@ -151,17 +163,23 @@ def train_detector(config: BackbonesConfig, sizes: DetectorSizes) -> tuple[PreTr
 def train_language_model(
     config: BackbonesConfig, sizes: SmallT5Config
 ) -> tuple[PreTrainedModel, list[float]]:
-    """Train on sentences; the language model and the course of its loss."""
+    """Train on sentences, or on lessons in understanding; the T5 and the course of its loss."""
+    recipe, kinds = config.recipe, TRAINED[config.part]
     start = config.start_from
     model = load_language_model(str(start), config.model_dir) if start else make_language_model(sizes)
     arguments = _arguments(config)
     # A resumed run begins with the next example, rather than draw and drop all before.
     arguments.ignore_data_skip = True
     last = _last_checkpoint(arguments)
-    used = int(last.rpartition("-")[2]) * config.recipe.batch_size if last else 0
+    used = int(last.rpartition("-")[2]) * recipe.batch_size if last else 0
     collate = ExampleCollator(AutoTokenizer.from_pretrained(config.model_dir))
-    losses = _train(Trainer(model, arguments, collate, train_dataset=Examples(config.seed, used)))
+    examples = Examples(kinds, config.seed, recipe.batch_size, used)
+    losses = _train(Trainer(model, arguments, collate, train_dataset=examples))
     model.half().save_pretrained(config.model_dir)
+    if config.part == "understanding":
+        threshold = find_understanding_threshold(str(config.model_dir), config.seed)
+        model.config.understanding_threshold = threshold
+        model.config.save_pretrained(config.model_dir)
     return model, losses
 
 
@@ -182,7 +200,11 @@ def main(config: BackbonesConfig) -> None:
         table = write_detector_card(config.model_dir, config.seed, **facts)
     else:
         table = write_language_model_card(
-            config.model_dir, config.seed, config.recipe.steps * config.recipe.batch_size, **facts
+            config.model_dir,
+            config.part,
+            config.seed,
+            config.recipe.steps * config.recipe.batch_size,
+            **facts,
         )
     print(f"{table}\n\nThe {config.part.replace('_', ' ')}: {config.model_dir}")
     option = shlex.quote(f"--policy.{config.part}={config.model_dir}")

@@ -23,7 +23,7 @@ _COLOURS = (
 )
 _COLOURS_DE = (*[*ADJECTIVES.values()][:20], "dunkelrot", "hellblau", "dunkelgrün", "bunt", "hellrosa")
 _QUALITIES = [*ADJECTIVES][20:]
-_SHARE_INVENTED, _SHARE_COLOURED, _SHARE_QUALITY, _SHARE_MARKED = 0.35, 0.3, 0.1, 0.4
+_SHARE_INVENTED, _SHARE_COLOURED, _SHARE_QUALITY, _SHARE_MARKED = 0.25, 0.3, 0.1, 0.4
 
 # fmt: off
 _ONSETS = (
@@ -288,6 +288,20 @@ _ENGLISH_VERBS = {
         *(("roll", "rolling", "rolled", "rolls"), ("press", "pressing", "pressed", "presses")),
         *(("haul", "hauling", "hauled", "hauls"), ("push", "pushing", "pushed", "pushes")),
         *(("poke", "poking", "poked", "pokes"), ("yank", "yanking", "yanked", "yanks")),
+        *(("bump", "bumping", "bumped", "bumps"), ("prod", "prodding", "prodded", "prods")),
+        *(("ram", "ramming", "rammed", "rams"), ("knock", "knocking", "knocked", "knocks")),
+        *(("propel", "propelling", "propelled", "propels"), ("force", "forcing", "forced", "forces")),
+        *(("jostle", "jostling", "jostled", "jostles"), ("send", "sending", "sent", "sends")),
+        *(("tow", "towing", "towed", "tows"), ("lug", "lugging", "lugged", "lugs")),
+        *(("reel in", "reeling in", "reeled in", "reels in"), ("draw", "drawing", "drew", "draws")),
+        *(("heave", "heaving", "heaved", "heaves"), ("ease", "easing", "eased", "eases")),
+        *(("inch", "inching", "inched", "inches"), ("scoot", "scooting", "scooted", "scoots")),
+        *(("edge", "edging", "edged", "edges"), ("slip", "slipping", "slipped", "slips")),
+        *(("steer", "steering", "steered", "steers"), ("guide", "guiding", "guided", "guides")),
+        *(("brush", "brushing", "brushed", "brushes"), ("flick", "flicking", "flicked", "flicks")),
+        *(("swipe", "swiping", "swiped", "swipes"), ("whisk", "whisking", "whisked", "whisks")),
+        *(("transfer", "transferring", "transferred", "transfers"), ("budge", "budging", "budged", "budges")),
+        *(("tap", "tapping", "tapped", "taps"), ("wheel", "wheeling", "wheeled", "wheels")),
     )
 }
 WHERE = {
@@ -303,14 +317,24 @@ WHERE = {
     },
 }
 """Ways to say where a verb moves things."""
-_SIDEWAYS = ("slide", "slide", "move", "push", "shift", "nudge", "glide", "sweep", "roll", "drag", "pull")
+_ANYWHERE = ("ease", "inch", "scoot", "edge", "slip", "steer", "guide", "send", "transfer", "budge", "wheel")
+_SIDEWAYS = (
+    *("slide", "slide", "slide", "move", "push", "shift", "nudge", "glide", "sweep", "roll", "drag", "pull"),
+    *("brush", "flick", "swipe", "whisk", "bump", "prod", "knock", "tow", "tap", *_ANYWHERE),
+)
 _PLAIN = {
-    "push": ("push", "push", "shove", "thrust", "nudge", "poke"),
-    "pull": ("pull", "pull", "drag", "tug", "yank", "haul"),
+    "push": ("push", "push", "push", "shove", "thrust", "nudge", "poke", "bump", "prod", "ram", "jostle"),
+    "pull": ("pull", "pull", "pull", "drag", "tug", "yank", "haul", "tow", "lug", "reel in", "heave"),
 }
 _MOVED = {
-    "push": ("push", "push", "shove", "move", "shift", "nudge", "press", "get"),
-    "pull": ("pull", "pull", "drag", "move", "bring", "shift", "get"),
+    "push": (
+        *("push", "push", "push", "shove", "shove", "move", "move", "shift", "nudge", "press", "get"),
+        *("bump", "prod", "propel", "force", "knock", "flick", "brush", "tap", *_ANYWHERE),
+    ),
+    "pull": (
+        *("pull", "pull", "pull", "drag", "drag", "move", "move", "bring", "shift", "get"),
+        *("draw", "tow", "lug", "heave", "haul", *_ANYWHERE),
+    ),
 }
 _CLANT = {
     "push": "move up {}",
@@ -363,6 +387,11 @@ _STOSSEN = _GermanVerb("stoß", "stoßen", "stößt", "stößt", "gestoßen", "s
 _SCHUBSEN = _GermanVerb("schubs", "schubsen", "schubst", "schubst", "geschubst", "schubse")
 _DRUECKEN = _GermanVerb("drück", "drücken", "drückst", "drückt", "gedrückt", "drücke")
 _HOLEN = _GermanVerb("hol", "holen", "holst", "holt", "geholt", "hole")
+_STUPSEN = _GermanVerb("stups", "stupsen", "stupst", "stupst", "gestupst", "stupse")
+_ZERREN = _GermanVerb("zerr", "zerren", "zerrst", "zerrt", "gezerrt", "zerre")
+_BRINGEN = _GermanVerb("bring", "bringen", "bringst", "bringt", "gebracht", "bringe")
+_ROLLEN = _GermanVerb("roll", "rollen", "rollst", "rollt", "gerollt", "rolle")
+_BEFOERDERN = _GermanVerb("beförder", "befördern", "beförderst", "befördert", "befördert", "befördere")
 # Written together with the verb at the end of a clause.
 _SEPARABLE = ("weg", "fort", "vor", "heran", "ran", "her", "zurück", "herbei")
 WHERE_DE = {
@@ -383,10 +412,16 @@ WHERE_DE = {
 }
 """Ways to say in German where a verb moves things."""
 _MOVED_DE = {
-    "push": (_SCHIEBEN, _SCHIEBEN, _STOSSEN, _SCHUBSEN, _DRUECKEN, _BEWEGEN, _RUECKEN),
-    "pull": (_ZIEHEN, _ZIEHEN, _ZIEHEN, _HOLEN, _BEWEGEN, _RUECKEN),
+    "push": (
+        *(_SCHIEBEN, _SCHIEBEN, _SCHIEBEN, _STOSSEN, _SCHUBSEN, _DRUECKEN, _BEWEGEN, _RUECKEN, _STUPSEN),
+        *(_ROLLEN, _BEFOERDERN),
+    ),
+    "pull": (_ZIEHEN, _ZIEHEN, _ZIEHEN, _ZIEHEN, _HOLEN, _BEWEGEN, _RUECKEN, _ZERREN, _BRINGEN, _ROLLEN),
 }
-_SIDEWAYS_DE = (_SCHIEBEN, _SCHIEBEN, _RUECKEN, _BEWEGEN, _ZIEHEN, _DRUECKEN)
+_SIDEWAYS_DE = (
+    *(_SCHIEBEN, _SCHIEBEN, _SCHIEBEN, _RUECKEN, _BEWEGEN, _ZIEHEN, _DRUECKEN, _STUPSEN, _BRINGEN, _ROLLEN),
+    *(_BEFOERDERN, _SCHUBSEN),
+)
 
 
 def draw_german_clause(rng: np.random.Generator) -> Clause:

@@ -6,9 +6,13 @@ from typing import Any, NamedTuple, Protocol
 
 import torch
 from torch import Tensor
+from torchvision.ops import box_iou, nms
 
 SAME_PLACE = 0.02
 """Centres closer than this share of the image are at one place: the detector's noise."""
+
+ONE_THING = 0.4
+"""Boxes that share more of their joint area are boxes of one thing (our decision)."""
 
 
 class Detections(NamedTuple):
@@ -79,6 +83,28 @@ class Candidates(NamedTuple):
         scores = self.score if counts is None else self.score * counts
         score, index = scores.max(dim=1)
         return Detections(self.box.gather(1, index[..., None].expand(-1, -1, self.box.shape[-1])), score)
+
+    def things(self, threshold: float) -> Detections:
+        """Find each thing that one of the names fits, not the best one alone; for a batch of one.
+
+        Boxes that overlap by more than `ONE_THING` are boxes of one thing. For each name the one with the
+        best score counts.
+
+        Args:
+            threshold: A thing has a name that scores so much.
+
+        Returns:
+            (things, names): things in place of samples.
+        """
+        box, score = self.box[0], self.score[0]
+        seen = score.amax(dim=1) >= threshold
+        box, score = box[seen], score[seen]
+        if not len(box):
+            return Detections(box.new_zeros(0, score.shape[1], box.shape[1]), score)
+        kept = box[nms(box, score.amax(dim=1), ONE_THING)]
+        belongs = box_iou(kept, box) > ONE_THING
+        best, index = torch.where(belongs[..., None], score, 0.0).max(dim=1)
+        return Detections(box[index], best)
 
 
 class Detector(Protocol):

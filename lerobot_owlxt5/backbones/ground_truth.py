@@ -6,7 +6,7 @@ from typing import Any
 
 import torch
 
-from ..commands.parser import plain
+from ..commands.parser import object_name, plain
 from ..configuration_owlxt5 import NO_OBJECTS, OBS_OBJECTS
 from .detections import Candidates, Detector
 
@@ -37,22 +37,22 @@ class GroundTruthDetector(Detector):
         visible = (boxes >= 0).all(dim=-1)
         spellings = objects[..., BOX_NUMBERS:].round().to(torch.uint8).cpu().numpy()
         present = [[bytes(slot).rstrip(b"\0").decode() for slot in sample] for sample in spellings]
-        slot = torch.tensor(
-            [[_find(name, objects) for name in asked] for asked, objects in zip(names, present, strict=True)],
+        fits = torch.tensor(
+            [[_fit(name, objects) for name in asked] for asked, objects in zip(names, present, strict=True)],
             device=boxes.device,
         )
-        here = slot[:, None] == torch.arange(boxes.shape[1], device=boxes.device)[:, None]
-        return Candidates(boxes, (here & visible[..., None]).float())
+        return Candidates(boxes, fits.transpose(1, 2) * visible[..., None])
 
 
-def _find(name: str, present: Sequence[str]) -> int:
-    """Index of the one object that a name fits, or -1: "red cube" fits "red", "bottle" not two bottles."""
-    asked = plain(name)
-    exact = [slot for slot, other in enumerate(present) if plain(other) == asked]
-    words = set(asked.split())
-    similar = [
-        slot
-        for slot, other in enumerate(present)
-        if words and other and (words <= set(plain(other).split()) or words >= set(plain(other).split()))
-    ]
-    return next((matches[0] for matches in (exact, similar) if len(matches) == 1), -1)
+def _fit(name: str, present: Sequence[str]) -> list[float]:
+    """How well a name fits each object: "red" fits the red cube, and "bottle" two bottles.
+
+    With an object of this very name there, no other one is meant.
+    """
+    asked = plain(object_name(name))
+    words = {*asked.split()}
+    names = [plain(object_name(other)) if other else "" for other in present]
+    if asked in names:
+        return [float(other == asked) for other in names]
+    others = [{*other.split()} for other in names]
+    return [float(bool(words and other) and (words <= other or words >= other)) for other in others]

@@ -2,7 +2,7 @@
 """T5, split between its encoder and its decoder (paper, section 3)."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import torch
 from torch import Tensor
@@ -29,14 +29,22 @@ class SplitT5:
         name: Hub id, folder, or `embedded`.
         revision: Hub revision, or what an embedded one was before; or None.
         frozen: Keep the weights fixed, and never encode the same prompt twice.
+        part: Which of the policy's backbones it is.
     """
 
-    def __init__(self, name: str, revision: str | None = None, *, frozen: bool = True) -> None:
+    def __init__(
+        self,
+        name: str,
+        revision: str | None = None,
+        *,
+        frozen: bool = True,
+        part: Literal["language_model", "understanding"] = "language_model",
+    ) -> None:
         where = (
-            "--policy.language_model",
+            f"--policy.{part}",
             f"{EMBEDDED}, or a folder that holds a T5 (python -m lerobot_owlxt5.backbones.small_t5)",
         )
-        name, revision = find_backbone(name, "language_model", revision)
+        name, revision = find_backbone(name, part, revision)
         self.tokenizer = load_pretrained(AutoTokenizer, name, revision, *where)
         self.model: Any = load_pretrained(
             AutoModelForSeq2SeqLM, name, revision, *where, use_safetensors=True, dtype=torch.float32
@@ -92,6 +100,21 @@ class SplitT5:
         Returns:
             (batch,) in nats per token.
         """
+        losses, labelled = self._token_losses(encoding, mask, texts)
+        return losses.sum(dim=1) / labelled.sum(dim=1)
+
+    @torch.no_grad()
+    def probability(self, encoding: Tensor, mask: Tensor, texts: Sequence[str]) -> Tensor:
+        """How probable texts are as answers, from their first token to their end; see `text_loss`.
+
+        Returns:
+            (batch,) in [0, 1].
+        """
+        losses, _ = self._token_losses(encoding, mask, texts)
+        return torch.exp(-losses.sum(dim=1))
+
+    def _token_losses(self, encoding: Tensor, mask: Tensor, texts: Sequence[str]) -> tuple[Tensor, Tensor]:
+        """Cross entropy of each token (batch, tokens), and which tokens count."""
         labels = self._tokenize(texts, encoding.device)
         targets = labels["input_ids"].masked_fill(labels["attention_mask"] == 0, IGNORED)
         hidden = self._on(encoding.device).get_decoder()(
@@ -107,7 +130,7 @@ class SplitT5:
         logits = self.model.get_output_embeddings()(hidden[labelled]).float()
         losses = torch.zeros_like(targets, dtype=logits.dtype)
         losses[labelled] = cross_entropy(logits, targets[labelled], reduction="none")
-        return losses.sum(dim=1) / labelled.sum(dim=1)
+        return losses, labelled
 
     def generate(
         self,

@@ -16,7 +16,7 @@ _CONFIG = "config.json"  # each model has one
 
 
 def find_backbone(
-    name: str, part: Literal["detector", "language_model"], revision: str | None
+    name: str, part: Literal["detector", "language_model", "understanding"], revision: str | None
 ) -> tuple[str, str | None]:
     """Where a backbone is: as named, or for `embedded` its folder in this package.
 

@@ -1,17 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
 """A language model that understands: from a sentence to a formal answer."""
 
+from typing import NamedTuple
+
 import torch
 
 from ..commands.answer import Action, Answer, Request, Target, parse_answer
-from ..commands.prompts import understand_prompt
+from ..commands.prompts import name_in_english_prompt, understand_prompt
 from .answer_constraint import AnswerConstraint
 from .language_model import SplitT5
 
 # Three actions with names and landmarks; a longer text has lost its way.
 MOST_TOKENS = 96
+MOST_NAME_TOKENS = 24
 NOT_UNDERSTOOD = Request((Action(None, Target()),))
 """Everything has to be asked back."""
+
+
+class Understood(NamedTuple):
+    """What was made of a sentence.
+
+    Attributes:
+        answer: What it asks for.
+        confidence: Probability of the whole answer, in [0, 1].
+        sure: Whether that is enough to act on.
+    """
+
+    answer: Answer
+    confidence: float
+    sure: bool
 
 
 class Understanding:
@@ -19,17 +36,37 @@ class Understanding:
 
     Args:
         name: Hub id, folder, or `embedded`.
+        revision: Hub revision, or the digest of an embedded one; or None.
+
+    Attributes:
+        threshold: From this confidence on it is sure: the `understanding_threshold` in the model's
+            config.json, or 0.
+        revision: The Hub's commit, or the digest of embedded weights; None for a folder.
     """
 
-    def __init__(self, name: str) -> None:
-        self._language = SplitT5(name)
+    def __init__(self, name: str, revision: str | None = None) -> None:
+        self._language = SplitT5(name, revision, part="understanding")
+        self.threshold = float(getattr(self._language.model.config, "understanding_threshold", 0.0))
+        self.revision = self._language.revision
 
-    def __call__(self, sentence: str) -> Answer:
+    def __call__(self, sentence: str) -> Understood:
         """What a sentence asks for; `NOT_UNDERSTOOD` if the answer does not come to an end."""
-        encoding, mask = self._language.encode([understand_prompt(sentence)], torch.device("cpu"))
         constraint = AnswerConstraint(self._language.tokenizer, [sentence])
+        encoding, mask = self._encode(understand_prompt(sentence))
         [text] = self._language.generate(encoding, mask, MOST_TOKENS, constraint)
         try:
-            return parse_answer(text)
+            answer = parse_answer(text)
         except ValueError:
-            return NOT_UNDERSTOOD
+            return Understood(NOT_UNDERSTOOD, 0.0, False)
+        # Without the constraint: where the model would have said something else, it is not sure.
+        confidence = float(self._language.probability(encoding, mask, [text]))
+        return Understood(answer, confidence, confidence >= self.threshold)
+
+    def in_english(self, name: str) -> str:
+        """What a thing is called in English, or the name itself if it has no German name's form."""
+        encoding, mask = self._encode(name_in_english_prompt(name))
+        [english] = self._language.generate(encoding, mask, MOST_NAME_TOKENS)
+        return english or name
+
+    def _encode(self, prompt: str) -> tuple[torch.Tensor, torch.Tensor]:
+        return self._language.encode([prompt], torch.device("cpu"))

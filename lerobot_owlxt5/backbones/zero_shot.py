@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from transformers import (
     AutoConfig,
     AutoModelForZeroShotObjectDetection,
@@ -64,17 +64,31 @@ class GroundingDinoCandidates:
         self.model = model
         self.processor = processor
         self._full_stop = processor.tokenizer.convert_tokens_to_ids(".")
+        self._longest = model.config.max_text_len
 
     def can_read(self, names: Sequence[str]) -> bool:
         """Whether the caption with all the names is no longer than what the model reads."""
-        return len(self.processor.tokenizer(_caption(names))["input_ids"]) <= self.model.config.max_text_len
+        return len(self.processor.tokenizer(_caption(names))["input_ids"]) <= self._longest
 
     def __call__(self, images: Tensor, names: Sequence[Sequence[str]]) -> Candidates:
         """Propose boxes in images (batch, 3, height, width) in [0, 1]; a name's best token counts.
 
+        Names that are too many for a caption are looked for in several.
+
         Raises:
-            ValueError: If there are too many names for a caption.
+            ValueError: If a name alone is too long.
         """
+        found, start, total = [], 0, len(names[0])
+        while start < total:
+            stop = start + 1
+            while stop < total and all(self.can_read(asked[start : stop + 1]) for asked in names):
+                stop += 1
+            box, score = self._propose(images, [asked[start:stop] for asked in names])
+            found.append(Candidates(box, nn.functional.pad(score, (start, total - stop))))
+            start = stop
+        return Candidates(*(torch.cat(tensors, dim=1) for tensors in zip(*found, strict=True)))
+
+    def _propose(self, images: Tensor, names: Sequence[Sequence[str]]) -> Candidates:
         captions = [_caption(asked) for asked in names]
         inputs = self.processor(
             text=captions, images=list(images), do_rescale=False, padding=True, return_tensors="pt"
@@ -83,8 +97,8 @@ class GroundingDinoCandidates:
         tokens = inputs["input_ids"]
         if tokens.shape[1] > outputs.logits.shape[-1]:
             raise ValueError(
-                f"{len(names[0])} names are too many words for the detector, which reads captions of "
-                f"{outputs.logits.shape[-1]} tokens: look for fewer or shorter ones."
+                f"{names[0][0]!r} is too long for the detector, which reads captions of "
+                f"{outputs.logits.shape[-1]} tokens: use fewer words."
             )
         ends = tokens == self._full_stop
         # Which name a token belongs to; the full stops and what begins and ends a caption belong to none.

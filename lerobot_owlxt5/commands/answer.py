@@ -84,6 +84,11 @@ class Target:
     order: tuple[str, str] | None = None
     relation: Relation | None = None
 
+    @property
+    def phrase(self) -> str:
+        """Colour and name, as said."""
+        return f"{self.colour} {self.name}".strip()
+
 
 @dataclass(frozen=True)
 class Action:

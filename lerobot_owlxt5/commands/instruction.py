@@ -1,78 +1,156 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a policy makes of a task: what to look for, what to ask the language model, and what to say."""
+"""What a policy makes of a task: what to look for, what to ask the language model, and what to answer."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
-from .parser import Command, object_name, parse_command, plain, with_article
+from .answer import Action, Answer, Hold, Question, Target
+from .colours import split_colour
+from .parser import Command, formal_command, object_name, parse_command, plain
 from .prompts import MAX_CHARACTERS, execute_prompt
-
-TOO_LONG = f"I hold still, because a command may have at most {MAX_CHARACTERS} characters: say it in fewer."
-TOO_FAR = "I hold still, because my arms are too far from where I learnt to begin: move them back there."
-
-NOTHING_MOVED = "nothing moved"
-"""What `describe` answers when there is nothing to describe."""
-NOTHING_KNOWN = "I know none of the objects that I see."
-"""What `describe` answers when none of the labels was in view."""
+from .replies import HOLDS, NOTHING_ASKED, REPLIES, TOO_FAR, TOO_LONG, ask_back, in_words, verb_phrase
+from .verbs import VERBS
 
 
 @dataclass(frozen=True)
 class Instruction:
-    """A task, understood or refused.
+    """A task, understood or not.
 
     Attributes:
-        command: What the parser found in it; nothing if the task is refused.
-        prompt: What the language model is asked to execute; it has no word of a refused task.
-        refusal: Why nothing is done; empty if the task is understood.
+        prompt: What the language model is asked to execute; it has no word of a task that is not carried out.
+        target: What to move; None where nothing is looked for.
+        verb: How to move it, one of `VERBS`; None for a task of other training data.
+        reply: What is said in place of a movement; empty if there is something to do.
+        wants_report: Whether a look at the table is the reply.
+        later: What was asked for besides, and is not done yet.
+        trained: Whether it is a task of the training data, which is carried out as it was trained.
     """
 
-    command: Command
     prompt: str
-    refusal: str = ""
+    target: Target | None = None
+    verb: str | None = None
+    reply: str = ""
+    wants_report: bool = False
+    later: tuple[Action, ...] = ()
+    trained: bool = False
 
-    def obstacle(self, object_found: bool, far: bool) -> str:
-        """A sentence on why nothing is done; empty if the robot may move.
+    def obstacle(self, problem: str, far: bool) -> str:
+        """A sentence on why nothing is done, or in place of it; empty if the robot may move.
 
-        A task of other training data, without a verb of ours, names no object that could be missed.
+        A task of the training data without a verb of ours names no object that could be missed.
 
         Args:
-            object_found: Whether the object was seen.
+            problem: Why it is not clear what is meant, or what is seen.
             far: Whether the arms are far from where the movements of the training data begin.
         """
-        if not self.refusal and not object_found and self.command.verb:
-            return f"I cannot see {with_article(object_name(self.command.object))}."
-        return self.refusal or (TOO_FAR if far else "")
+        seen = "" if self.trained and self.verb is None else problem
+        return self.reply or seen or (TOO_FAR if far else "")
+
+    def intention(self, name: str) -> str:
+        """A sentence that says what is going to be done.
+
+        Args:
+            name: What the thing is called that was found.
+        """
+        if self.verb is None:
+            return "I will do it."
+        first = f"I will {VERBS[self.verb].imperative.format(f'the {object_name(name)}')}"
+        if not self.later:
+            return f"{first}."
+        more = " and then ".join(in_words(action) for action in self.later)
+        return f"{first} first. Ask me again to {more}."
 
 
-def interpret(
-    task: str, trained: Sequence[str], can_read: Callable[[Sequence[str]], bool] | None
-) -> Instruction:
-    """Understand a task.
+@dataclass(frozen=True)
+class TaskReader:
+    """Makes instructions out of tasks, for a policy.
 
-    A task of the training data is always understood, whatever its words, if it has any. Free wording is new
-    to the language model: it is told the verb in words of the training data (`trained_task`).
+    Attributes:
+        trained: Tasks of the training data.
+        names_objects: Whether a detector looks for an object by its name. Else the prompt alone can have it.
+    """
+
+    trained: tuple[str, ...]
+    names_objects: bool
+
+    def read_task(self, task: str) -> Instruction | None:
+        """Read a task as datasets have it; None if somebody has to understand what was said.
+
+        A task of the training data is always carried out, whatever its words, if it has any. A command in
+        CLANT's own form is no free wording either.
+        """
+        if len(task) > MAX_CHARACTERS:
+            return _reply(TOO_LONG)
+        if not plain(task):
+            return _reply(NOTHING_ASKED)
+        trained = task in self.trained
+        command = parse_command(task) if trained else formal_command(task)
+        if command is None:
+            return None
+        target = target_of(command.object) if command.verb else Target(name=command.object)
+        keeps_words = trained and not (command.verb and self.names_objects)
+        prompt = execute_prompt(task) if keeps_words else self._prompt(command)
+        return Instruction(prompt, target, command.verb, trained=trained)
+
+    def read_words(self, task: str) -> Instruction:
+        """Take the words as they are, as the paper does: they go to the language model and to the detector.
+
+        The detector looks for what is behind the verb, or for all of it.
+        """
+        command = parse_command(task)
+        return Instruction(execute_prompt(task), target_of(command.object), command.verb)
+
+    def read_answer(self, answer: Answer, sure: bool, before: Target | None) -> Instruction:
+        """Make an instruction of what was understood.
+
+        Args:
+            answer: What a sentence asks for.
+            sure: Whether that was understood with enough confidence to act on.
+            before: What was spoken of before: "it".
+        """
+        match answer:
+            case Hold(reason):
+                return _reply(HOLDS[reason])
+            case Question("scene"):
+                return replace(_reply(""), wants_report=True)
+            case Question(kind):
+                return _reply(REPLIES[kind])
+        first, *later = answer.actions
+        if not first.clear:
+            return _reply(ask_back(first))
+        if not sure:
+            return _reply(f"I am not sure what you mean. Did you mean: {in_words(first)}?")
+        target, verb = first.target, first.verb or ""
+        if target.reference == "it":
+            if before is None:
+                return _reply(f"What do you mean by it? Name what I should {verb_phrase(verb, '')}.")
+            target = before
+        name = f"{target.colour} {target.name}".strip() or "thing"
+        return Instruction(self._prompt(Command(verb, name)), target, verb, later=(*later,))
+
+    def _prompt(self, command: Command) -> str:
+        wanted = trained_task(command, self.trained) if self.names_objects else command.canonical
+        return execute_prompt(wanted)
+
+
+def target_of(name: str) -> Target:
+    """What the name of an object in a dataset means: CLANT's "red" is a red cube."""
+    colour, kind = split_colour(object_name(name))
+    return Target(name=kind, colour=colour)
+
+
+def spoken_of(target: Target | None, name: str) -> Target | None:
+    """What "it" means after a target was found: the same, or what it was called then.
 
     Args:
-        task: What was said.
-        trained: Tasks of the training data.
-        can_read: Whether names are short enough to be looked for. None: nothing is looked for by its name, so
-            that the prompt alone can have it.
+        target: What was said; "the other one" is another one the next time.
+        name: What the thing is called that was found.
     """
-    if len(task) > MAX_CHARACTERS:
-        return _refuse(TOO_LONG)
-    command, known = parse_command(task), task in trained and bool(plain(task))
-    if not command.verb:
-        return Instruction(command, execute_prompt(task)) if known else _refuse(command.refusal)
-    if can_read is None:
-        return Instruction(command, execute_prompt(task if known else command.canonical))
-    if not known and not can_read([command.object]):
-        return _refuse(f"I cannot look for a name as long as {command.object!r}: use fewer words.")
-    return Instruction(command, execute_prompt(trained_task(command, tuple(trained))))
+    return target if target is None or (target.phrase and not target.reference) else target_of(name)
 
 
-def _refuse(why: str) -> Instruction:
-    return Instruction(Command(None, ""), execute_prompt(""), why)
+def _reply(sentence: str) -> Instruction:
+    return Instruction(execute_prompt(""), reply=sentence)
 
 
 def trained_task(command: Command, trained: tuple[str, ...]) -> str:

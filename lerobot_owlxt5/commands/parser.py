@@ -1,49 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands such as "push the red cube": which verb, which object.
+"""Tasks of datasets, such as "push red" or "slide the mug to the right": which verb, which object.
 
-A command is an opening ("could you"), a verb, the object with a direction before or behind it, and an ending
-("please"). All but the object stand in the tables of `vocabulary.py`; what is left is the object's name.
-What does not fit is refused with a sentence that says why: our decision is never to guess a movement.
+A task is a verb and an object's name, with a direction before or behind the name. What a person says is not
+read here: a language model understands that (`backbones/understanding.py`).
 """
 
 import re
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from itertools import pairwise
 
 from .verbs import VERBS
 from .vocabulary import (
     ARTICLES,
-    BEGINNINGS,
-    COLOURS,
+    CUBE_NAMES,
     DIRECTIONS,
-    ENDINGS,
-    GERUNDS,
     IN_NO_NAME,
+    INFORMAL,
     LONGEST_PHRASE,
-    NEGATIONS,
-    OPENINGS,
-    PRONOUNS,
-    SLIPS,
+    NO_NAMES,
     UNFINISHED,
     VERB_PHRASES,
-    VERB_WORDS,
 )
 
 
 @dataclass(frozen=True)
 class Command:
-    """What a text asks for.
+    """What a task asks for.
 
     Attributes:
-        verb: One of `VERBS`, or None if the text asks for none of them, or not clearly for one.
-        object: The object's name as the text has it; the whole text if there is no verb.
-        refusal: A sentence that says why there is no verb, or asks back; empty if there is one.
+        verb: One of `VERBS`, or None if the task has none of them, or not clearly one.
+        object: The object's name as the task has it; the whole task if there is no verb.
     """
 
     verb: str | None
     object: str
-    refusal: str = ""
 
     @property
     def canonical(self) -> str:
@@ -52,34 +42,46 @@ class Command:
         name = colour if object_name(colour) == self.object else self.object
         return f"{self.verb} {name}" if self.verb else name
 
-    @property
-    def intention(self) -> str:
-        """A sentence that says what is going to be done."""
-        if self.verb is None:
-            return "I will do it."
-        return f"I will {VERBS[self.verb].imperative.format(f'the {object_name(self.object)}')}."
-
 
 def parse_command(text: str) -> Command:
-    """Find verb and object in a command.
+    """Find verb and object in a task.
 
-    "push red", "Could you push the red cube, please?", "move-sideways-to-left scarlet" and "slide the mug to
-    your right" are all understood. A text of another kind is refused, and counts as one object phrase, so
-    that the tasks of any dataset can be used.
+    "push red", "Push the red cube!", "move-sideways-to-left scarlet" and "slide the mug to your right" all
+    have a verb. A text of another kind counts as one object phrase, so that any dataset's tasks can be used.
     """
-    verb, found = _parse(_words(text))
-    return Command(verb, found) if verb else Command(None, plain(text), refusal=found)
+    phrase, named = _cut(_words(text), VERB_PHRASES)
+    if phrase and not IN_NO_NAME & {*_cut_directions(named)[0]}:
+        named, directions = _cut_directions(named)
+        name = plain(" ".join(named))
+        meant = [verb for verb in VERB_PHRASES[phrase] if directions <= {verb}]
+        if name and len(meant) == 1:
+            return Command(meant[0], name)
+    return Command(None, plain(text))
+
+
+def formal_command(text: str) -> Command | None:
+    """Read a command in CLANT's own form, such as "push red" or "slide-to-left ball"; None for other words.
+
+    It is a verb of CLANT's and a bare name. "push mug later" and "push no mug" are more than that.
+    """
+    first, _, name = text.partition(" ")
+    verb = next((verb.name for verb in VERBS.values() if first in (verb.name, verb.synonym)), None)
+    words = name.split(" ")
+    if (
+        not verb
+        or INFORMAL & {*words}
+        or not all(re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", word) for word in words)
+    ):
+        return None
+    return Command(verb, plain(name))
 
 
 def name_problem(name: str) -> str:
     """Why an object had better not be called this: the command that would not be understood; or ""."""
     for verb in VERBS.values():
         for text in (f"{verb.name} {name}", verb.imperative.format(f"the {name}")):
-            command = parse_command(text)
-            if (command.verb, command.object) != (verb.name, plain(name)):
-                return (
-                    f"the command {text!r} would not be understood ({command.refusal or command.intention})"
-                )
+            if parse_command(text) != Command(verb.name, plain(name)) or {*_words(name)} <= NO_NAMES:
+                return f"the command {text!r} would not be understood"
     return ""
 
 
@@ -88,44 +90,14 @@ def named_objects(tasks: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(parse_command(task).object for task in tasks))
 
 
-def _parse(words: list[str]) -> tuple[str | None, str]:
-    """Verb and the object's name, or None and a refusal."""
-    words = _cut_all(_cut_all(words, OPENINGS), ENDINGS, end=True)
-    if not words:
-        return None, "What should I do?"
-    if any(word in NEGATIONS or word.endswith("n't") for word in words):
-        return None, "I hold still."
-
-    gerund, behind = _cut(words, GERUNDS)
-    phrase, named = _cut([GERUNDS[gerund], *behind] if gerund else words, VERB_PHRASES)
-    named, directions = _cut_directions(_cut_all(named, {","}))
-    if not phrase or IN_NO_NAME & {*named} or any(_begins_another(*pair) for pair in pairwise([*named, ""])):
-        return None, f"I do not know how to {' '.join(words).replace(' ,', ',')}."
-
-    name = "" if {*named} <= PRONOUNS else plain(" ".join(named))
-    possible = {*VERB_PHRASES[phrase]}
-    meant = [verb for verb in possible if directions <= {verb}]
-    if len(meant) != 1:
-        return None, _ask_which(meant or possible | directions, name)
-    if not name:
-        return None, f"What should I {VERBS[meant[0]].imperative.replace(' {}', '')}?"
-    return meant[0], name
-
-
 def _cut(words: list[str], phrases: Collection[str], end: bool = False) -> tuple[str, list[str]]:
     """Cut the longest of the phrases off the beginning, or the end; "" and all words if there is none."""
     for count in range(min(len(words), LONGEST_PHRASE), 0, -1):
         edge, rest = (words[-count:], words[:-count]) if end else (words[:count], words[count:])
-        phrase = " ".join(SLIPS.get(word, word) for word in edge)
+        phrase = " ".join(edge)
         if phrase in phrases and not (end and UNFINISHED & {*rest[-1:]}):
             return phrase, rest
     return "", words
-
-
-def _cut_all(words: list[str], phrases: Collection[str], end: bool = False) -> list[str]:
-    while (shorter := _cut(words, phrases, end)[1]) != words:
-        words = shorter
-    return words
 
 
 def _cut_directions(words: list[str]) -> tuple[list[str], set[str]]:
@@ -141,27 +113,12 @@ def _cut_directions(words: list[str]) -> tuple[list[str], set[str]]:
         if not direction:
             return words, directions
         directions.add(DIRECTIONS[direction])
-        words = _cut_all(rest, ENDINGS, end=True)
-
-
-def _begins_another(word: str, following: str) -> bool:
-    """Whether another command or object begins here: "and pull", ", the can", "pull the"."""
-    if word in ("and", ","):
-        return not following or following in BEGINNINGS
-    return word in VERB_WORDS and following in ARTICLES
-
-
-def _ask_which(verbs: Collection[str], name: str) -> str:
-    asked = [verb.imperative for name, verb in VERBS.items() if name in verbs]
-    first = asked[0].format(f"the {object_name(name)}" if name else "it")
-    *more, last = [first, *(question.format("it") for question in asked[1:])]
-    return f"Should I {', '.join(more)} or {last}?"
+        words = rest
 
 
 def _words(text: str) -> list[str]:
-    """Lower-case words without hyphens; each mark between clauses is a comma."""
-    words: list[str] = re.findall(r"[\w']+|[,.;:!?]", spoken(text).lower().replace("\u2019", "'"))
-    return ["," if word in ".;:!?" else word for word in words]
+    """Lower-case words without hyphens and marks."""
+    return re.findall(r"[\w']+", spoken(text).lower().replace("\u2019", "'"))
 
 
 def spoken(text: str) -> str:
@@ -171,13 +128,13 @@ def spoken(text: str) -> str:
 
 def plain(text: str) -> str:
     """Reduce a phrase to what counts in a comparison: lower case, no hyphens, punctuation or articles."""
-    return " ".join(word for word in _words(text) if word != "," and word not in ARTICLES)
+    return " ".join(word for word in _words(text) if word not in ARTICLES)
 
 
 def object_name(phrase: str) -> str:
     """Name an object in full: "red" is the red cube."""
     name = plain(phrase)
-    return f"{name} cube" if name in COLOURS else name
+    return f"{name} cube" if name in CUBE_NAMES else name
 
 
 def with_article(name: str) -> str:

@@ -14,6 +14,7 @@ class Verb:
 
     Attributes:
         name: CLANT's canonical verb.
+        synonym: CLANT's other word for it.
         imperative: How it is asked about and announced, with a place for the object.
         phrases: What may stand for it. A phrase that several verbs have leaves the choice to a direction.
         directions: What says the direction, before or behind the object.
@@ -21,6 +22,7 @@ class Verb:
     """
 
     name: str
+    synonym: str
     imperative: str
     phrases: tuple[str, ...]
     directions: tuple[str, ...]
@@ -36,6 +38,7 @@ def _slide(side: str) -> Verb:
     towards = ("", "to ", "to the ", "to your ", "towards the ", "towards your ")
     return Verb(
         name=f"slide-to-{side}",
+        synonym=f"move-sideways-to-{side}",
         imperative=f"slide {{}} to the {side}",
         phrases=(f"slide to {side}", f"move sideways to {side}", *_SIDEWAYS),
         directions=(
@@ -56,6 +59,7 @@ VERBS: dict[str, Verb] = {
     for verb in (
         Verb(
             name="push",
+            synonym="move-up",
             imperative="push {}",
             phrases=("push", "shove", "thrust", "move up", "move forward", "move away", *_ANY),
             directions=(
@@ -66,6 +70,7 @@ VERBS: dict[str, Verb] = {
         ),
         Verb(
             name="pull",
+            synonym="move-down",
             imperative="pull {}",
             phrases=("pull", "drag", "tug", "draw", "move down", *_ANY),
             directions=(

@@ -16,10 +16,10 @@ from torch import Tensor
 from torch.utils.data import DataLoader, Subset
 from tqdm import tqdm
 
-from ..commands.instruction import NOTHING_KNOWN, NOTHING_MOVED
 from ..commands.parser import named_objects, parse_command, plain, spoken
 from ..commands.prompts import translate_prompt
 from ..commands.pseudo_names import rename_object
+from ..commands.replies import NOTHING_KNOWN, NOTHING_MOVED
 from ..data.episode_store import EpisodeStore, EpisodeTexts
 from ..data.windows import recover_actions
 from . import metrics

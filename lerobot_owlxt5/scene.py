@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Words find things: what a detector sees of one image, and which of it is meant."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from torch import Tensor
+
+from .backbones.detections import Detector
+from .commands.answer import Landmark, Target
+from .commands.colours import COLOURS, basic_colour, split_colour
+from .commands.parser import object_name, with_article
+from .commands.referring import Place, matching, side_of
+from .commands.vocabulary import THINGS
+
+_SIDES = {"left": "on the left", "right": "on the right", "middle": "in the middle"}
+_GENERIC = {"", "thing", "object", "item", "one"}
+
+
+@dataclass(frozen=True)
+class Thing:
+    """Something that was seen.
+
+    Attributes:
+        name: What to call it, such as "red cube".
+        box: (4,), left, upper, right and lower edge as shares of the image.
+    """
+
+    name: str
+    box: Tensor
+
+    @property
+    def place(self) -> Place:
+        """Where it stands."""
+        left, _, right, lower = self.box.tolist()
+        return Place((left + right) / 2, lower)
+
+
+@dataclass(frozen=True)
+class Found:
+    """The thing that is meant, or why there is none.
+
+    Attributes:
+        thing: What is meant; None if nothing is, or more than one thing may be.
+        problem: A sentence that asks back or says what is seen; empty if it is clear what is meant.
+    """
+
+    thing: Thing | None
+    problem: str = ""
+
+
+@dataclass(frozen=True)
+class Search:
+    """What somebody wants to be found.
+
+    Attributes:
+        target: Something that was said, not "it"; None for nothing.
+        before: What was spoken of before, which is not "the other one".
+        takes_best: Of several things that fit, take the one that fits best, as training does; do not ask.
+        wants_report: Where there is no target: say what is seen.
+    """
+
+    target: Target | None
+    before: Target | None = None
+    takes_best: bool = False
+    wants_report: bool = False
+
+    @property
+    def needs_objects(self) -> bool:
+        """Whether more than a name and a colour is needed to find it."""
+        plain = Target(name=self.target.name, colour=self.target.colour) if self.target else None
+        return self.wants_report or self.target != plain
+
+
+class Scene:
+    """One image as a detector sees it, for as long as somebody speaks of it.
+
+    Args:
+        detector: Finds what it is asked for.
+        observation: Features `observation.*` of one sample, (1, ...).
+        labels: Names of what may be there, beside everyday things.
+        in_english: What a name is called in English. It returns an English or unknown one as it is.
+    """
+
+    def __init__(
+        self,
+        detector: Detector,
+        observation: Mapping[str, Any],
+        labels: Sequence[str],
+        in_english: Callable[[str], str],
+    ) -> None:
+        self._detector, self._observation = detector, observation
+        self._labels = [*dict.fromkeys([*map(object_name, labels), *THINGS])]
+        self._in_english = in_english
+
+    def find(self, search: Search) -> Found:
+        """Find the one thing that is meant, or say what is seen."""
+        target = search.target
+        if target is None:
+            return Found(None, self.report() if search.wants_report else "")
+        if target.phrase and not self._detector.can_read([target.phrase]):
+            return Found(None, f"I cannot look for a name as long as {target.phrase!r}: use fewer words.")
+        # A dataset's own names are taken as they are.
+        look = self._called if search.takes_best else self._called_in_any_language
+        called = look(target.name, target.colour)
+        if not called:
+            return Found(None, self._missing(target))
+        if search.takes_best:
+            return Found(called[0])
+        landmarks = []
+        for mark in target.relation.landmarks if target.relation else ():
+            others = look(mark.name, mark.colour)
+            if len(others) != 1:
+                return Found(None, self._which(others) if others else self._missing(mark))
+            landmarks += others
+        last = self.find(Search(search.before)).thing if target.reference == "other" else None
+        places, marks = ([thing.place for thing in things] for things in (called, landmarks))
+        left = matching(target, places, marks, last.place if last else None)
+        if not left:
+            return Found(None, _contradiction(target, called))
+        if len(left) > 1:
+            return Found(None, self._which([called[index] for index in left]))
+        return Found(called[left[0]])
+
+    def report(self) -> str:
+        """Say what is seen."""
+        if not self.things:
+            return "I see nothing that I know."
+        return f"I see {_listed([with_article(thing.name) for thing in self.things], 'and')}."
+
+    @cached_property
+    def things(self) -> list[Thing]:
+        """All that is seen, each by its best label, from left to right."""
+        found = self._detector.propose(self._observation, [self._labels]).things(self._detector.threshold)
+        best = found.score.argmax(dim=1).tolist()
+        things = [Thing(self._labels[label], found.box[place, label]) for place, label in enumerate(best)]
+        return sorted(things, key=lambda thing: thing.place.x)
+
+    def _called_in_any_language(self, name: str, colour: str) -> list[Thing]:
+        """All things of a name that was said in English or German, in a colour if one is given."""
+        phrase = f"{colour} {name}".strip()
+        english = self._in_english(phrase) if phrase else ""
+        found: list[Thing] = []
+        if english.split()[-1:] != phrase.split()[-1:]:
+            # The detector knows English; a word that it does not know may be any thing to it.
+            their_colour, their_name = split_colour(english)
+            found = self._called(their_name if name else "", their_colour if colour else "")
+        return found or self._called(name, colour)
+
+    def _called(self, name: str, colour: str) -> list[Thing]:
+        """All things of an English name, in a colour if one is given; what fits best comes first."""
+        hue = basic_colour(colour) if colour else None
+        if colour and not hue:
+            return []
+        if name not in _GENERIC:
+            return self._of_kind(name, hue)
+        if not hue:
+            return self.things
+        kinds = dict.fromkeys(split_colour(thing.name)[1] for thing in self.things)
+        return _apart([thing for kind in kinds for thing in self._of_kind(kind, hue)])
+
+    def _of_kind(self, kind: str, hue: str | None) -> list[Thing]:
+        """All things of a kind, in one of `COLOURS` if it is given.
+
+        Colours compete: a detector scores a blue cube as a cyan one too, but as a blue one higher.
+        """
+        names = [f"{colour} {kind}" for colour in COLOURS] if hue else [kind]
+        found = self._detector.propose(self._observation, [names]).things(self._detector.threshold)
+        wanted = names.index(f"{hue} {kind}") if hue else 0
+        score = found.score[:, wanted]
+        fits = (score >= self._detector.threshold) & (score >= found.score.amax(dim=1))
+        order = [place for place in score.argsort(descending=True).tolist() if fits[place]]
+        return [Thing(names[wanted], found.box[place, wanted]) for place in order]
+
+    def _missing(self, target: Target | Landmark) -> str:
+        """Say that there is no such thing, and what there is."""
+        colour = target.colour
+        if colour and not basic_colour(colour) and not basic_colour(self._in_english(colour)):
+            return f"I do not know the colour {colour}. {self.report()}"
+        name = object_name(f"{colour} {target.name or 'thing'}".strip())
+        return f"I cannot see {with_article(name)}. {self.report()}"
+
+    def _which(self, things: Sequence[Thing]) -> str:
+        """Ask which of several things is meant: by their labels, or by their order where these are alike."""
+        things = sorted(things, key=lambda thing: thing.place.x)
+        labels = [self._label(thing) for thing in things]
+        if len({*labels}) < len(labels):
+            labels = [f"{side} one" for side in _row(len(things))]
+        choices = _listed([f"the {label}" for label in labels], "or")
+        return (
+            f"Which {things[0].name if len({t.name for t in things}) == 1 else 'one'} do you mean: {choices}?"
+        )
+
+    def _label(self, thing: Thing) -> str:
+        """The best label of what stands at a thing's place."""
+        return next((other.name for other in self.things if _same(other, thing)), thing.name)
+
+
+def _same(thing: Thing, other: Thing) -> bool:
+    return matching(Target(reference="other"), [thing.place], (), other.place) == []
+
+
+def _apart(things: Sequence[Thing]) -> list[Thing]:
+    """The same, each place once."""
+    kept: list[Thing] = []
+    for thing in things:
+        if not any(_same(thing, other) for other in kept):
+            kept.append(thing)
+    return kept
+
+
+def _row(count: int) -> list[str]:
+    return {2: ["left", "right"], 3: ["left", "middle", "right"]}.get(
+        count, [f"{number}." for number in range(1, count + 1)]
+    )
+
+
+def _contradiction(target: Target, called: Sequence[Thing]) -> str:
+    """Say what was said of a thing and is not so."""
+    name = called[0].name
+    if target.side in _SIDES and len(called) == 1:
+        where = _SIDES[side_of(called[0].place)]
+        return f"I see one {name}, and it is {where}, not {_SIDES[target.side]}: say it again without a side."
+    if target.relation:
+        marks = [
+            f"the {object_name(f'{mark.colour} {mark.name}'.strip())}" for mark in target.relation.landmarks
+        ]
+        kind = {"before": "in front of"}.get(target.relation.kind, target.relation.kind)
+        return f"I see {with_article(name)}, but none {kind} {_listed(marks, 'and')}."
+    if target.order:
+        return f"I see only {len(called)} of these, so none is the {' from the '.join(target.order)}."
+    return f"I see only one {name}, and no other one."
+
+
+def _listed(words: Sequence[str], conjunction: str) -> str:
+    *first, last = words
+    return f"{', '.join(first)} {conjunction} {last}" if first else last
