@@ -8,10 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lerobot_owlxt5.backbones.pretrained import find_backbone
 from lerobot_owlxt5.backbones.understanding import NOT_UNDERSTOOD, Understanding
 from lerobot_owlxt5.commands.answer import Action, Hold, Question, Request, Target, said_words
 from lerobot_owlxt5.commands.instruction import TaskReader
 from lerobot_owlxt5.commands.replies import NOTHING_ASKED, TOO_LONG
+from owlxt5_backbones import understanding_threshold
 from policy_helpers import make_policy, observe
 
 
@@ -42,6 +44,13 @@ def test_what_is_no_wish(understand: Understanding) -> None:
     assert understand("don't push the ball").answer == Hold("forbidden")
     assert understand("if it rains, push the ball").answer == Hold("conditional")
     assert understand("what can you do?").answer == Question("ability")
+
+
+def test_the_threshold_lets_most_lessons_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(understanding_threshold, "_LESSONS", 6)
+    folder, _ = find_backbone("embedded", "understanding", None)
+    threshold = understanding_threshold.find_understanding_threshold(folder, seed=5)
+    assert 0.3 < threshold <= 1.0
 
 
 def test_names_in_english(understand: Understanding) -> None:
