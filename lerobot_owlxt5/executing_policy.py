@@ -152,7 +152,7 @@ class ExecutingPolicy(PreTrainedPolicy):
         if self._understanding is None:
             return reader.read_words(task)
         understood = self._understanding(task)
-        return reader.read_answer(understood.answer, understood.sure, before)
+        return reader.read_answer(understood.answer, understood.sure, before, understood.unknown)
 
     def _in_english(self, name: str) -> str:
         return self._understanding.in_english(name) if self._understanding else name

@@ -13,7 +13,7 @@ from lerobot_owlxt5.backbones.understanding import NOT_UNDERSTOOD, Understanding
 from lerobot_owlxt5.commands.answer import Action, Hold, Question, Request, Target, said_words
 from lerobot_owlxt5.commands.instruction import TaskReader
 from lerobot_owlxt5.commands.replies import NOTHING_ASKED, TOO_LONG
-from owlxt5_backbones import understanding_threshold
+from owlxt5_backbones import understanding_caution
 from policy_helpers import make_policy, observe
 
 
@@ -47,10 +47,27 @@ def test_what_is_no_wish(understand: Understanding) -> None:
 
 
 def test_the_threshold_lets_most_lessons_pass(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(understanding_threshold, "_LESSONS", 6)
+    monkeypatch.setattr(understanding_caution, "_LESSONS", 6)
     folder, _ = find_backbone("embedded", "understanding", None)
-    threshold = understanding_threshold.find_understanding_threshold(folder, seed=5)
+    threshold = understanding_caution.find_understanding_threshold(folder, seed=5)
     assert 0.3 < threshold <= 1.0
+
+
+def test_a_word_that_wishes_do_not_have_is_asked_about(understand: Understanding) -> None:
+    """The model would push the ball in each case, and is sure of it."""
+    for sentence, word in (("push the ball tonight", "tonight"), ("Tom, push the ball", "tom")):
+        understood = understand(sentence)
+        assert not understood.sure
+        assert understood.unknown == (word,)
+    reply = READER.read_answer(BALL, sure=False, before=None, unknown=("tonight",)).reply
+    assert reply == "I do not know what 'tonight' means here. Did you mean: push the ball?"
+
+
+def test_wish_words_are_no_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(understanding_caution, "_WISHES", 2000)
+    words = understanding_caution.find_wish_words(seed=1)
+    assert {"please", "push", "the", "bitte", "zieh"} <= {*words}
+    assert not {"mug", "tonight", "cube", "sister"} & {*words}
 
 
 def test_names_in_english(understand: Understanding) -> None:

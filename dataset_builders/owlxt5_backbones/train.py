@@ -29,7 +29,7 @@ from .language_model import (
     make_language_model,
     shipped_sizes,
 )
-from .understanding_threshold import find_understanding_threshold
+from .understanding_caution import find_understanding_threshold, find_wish_words
 
 _VALIDATION_IMAGES = 480
 # Patches to look at, of 256.
@@ -178,7 +178,9 @@ def train_language_model(
     model.half().save_pretrained(config.model_dir)
     if config.part == "understanding":
         threshold = find_understanding_threshold(str(config.model_dir), config.seed)
-        model.config.understanding_threshold = threshold
+        model.config.update(
+            {"understanding_threshold": threshold, "wish_words": find_wish_words(config.seed)}
+        )
         model.config.save_pretrained(config.model_dir)
     return model, losses
 

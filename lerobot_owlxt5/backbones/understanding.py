@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import torch
 
-from ..commands.answer import Action, Answer, Request, Target, parse_answer
+from ..commands.answer import Action, Answer, Request, Target, left_over, parse_answer, said_words
 from ..commands.prompts import name_in_english_prompt, understand_prompt
 from .answer_constraint import AnswerConstraint
 from .language_model import SplitT5
@@ -24,11 +24,13 @@ class Understood(NamedTuple):
         answer: What it asks for.
         confidence: Probability of the whole answer, in [0, 1].
         sure: Whether that is enough to act on.
+        unknown: Words that are neither in the answer nor in what wishes have; with one, nothing is sure.
     """
 
     answer: Answer
     confidence: float
     sure: bool
+    unknown: tuple[str, ...] = ()
 
 
 class Understanding:
@@ -41,12 +43,15 @@ class Understanding:
     Attributes:
         threshold: From this confidence on it is sure: the `understanding_threshold` in the model's
             config.json, or 0.
+        words: What wishes have beside names: the `wish_words` in its config.json. None: any word.
         revision: The Hub's commit, or the digest of embedded weights; None for a folder.
     """
 
     def __init__(self, name: str, revision: str | None = None) -> None:
         self._language = SplitT5(name, revision, part="understanding")
         self.threshold = float(getattr(self._language.model.config, "understanding_threshold", 0.0))
+        words = getattr(self._language.model.config, "wish_words", None)
+        self.words: frozenset[str] | None = None if words is None else frozenset(words)
         self.revision = self._language.revision
 
     def __call__(self, sentence: str) -> Understood:
@@ -60,7 +65,12 @@ class Understanding:
             return Understood(NOT_UNDERSTOOD, 0.0, False)
         # Without the constraint: where the model would have said something else, it is not sure.
         confidence = float(self._language.probability(encoding, mask, [text]))
-        return Understood(answer, confidence, confidence >= self.threshold)
+        unknown = tuple(
+            word
+            for word in left_over(said_words(sentence), answer)
+            if self.words is not None and word not in self.words
+        )
+        return Understood(answer, confidence, confidence >= self.threshold and not unknown, unknown)
 
     def in_english(self, name: str) -> str:
         """What a thing is called in English, or the name itself if it has no German name's form."""

@@ -148,6 +148,12 @@ def said_words(sentence: str) -> tuple[str, ...]:
     return tuple(re.findall(_WORD, heard(sentence)))
 
 
+def left_over(words: tuple[str, ...], answer: Answer) -> tuple[str, ...]:
+    """The words of a sentence that its answer does not have."""
+    own = {*said_words(format_answer(answer))}
+    return tuple(word for word in words if word not in own)
+
+
 def format_answer(answer: Answer) -> str:
     """Write an answer as text; the inverse of `parse_answer`."""
     match answer:

@@ -8,7 +8,17 @@ from .answer import Action, Answer, Hold, Question, Target
 from .colours import split_colour
 from .parser import Command, formal_command, object_name, parse_command, plain
 from .prompts import MAX_CHARACTERS, execute_prompt
-from .replies import HOLDS, NOTHING_ASKED, REPLIES, TOO_FAR, TOO_LONG, ask_back, in_words, verb_phrase
+from .replies import (
+    HOLDS,
+    NOTHING_ASKED,
+    REPLIES,
+    TOO_FAR,
+    TOO_LONG,
+    ask_back,
+    ask_whether,
+    in_words,
+    verb_phrase,
+)
 from .verbs import VERBS
 
 
@@ -100,13 +110,16 @@ class TaskReader:
         command = parse_command(task)
         return Instruction(execute_prompt(task), target_of(command.object), command.verb)
 
-    def read_answer(self, answer: Answer, sure: bool, before: Target | None) -> Instruction:
+    def read_answer(
+        self, answer: Answer, sure: bool, before: Target | None, unknown: tuple[str, ...] = ()
+    ) -> Instruction:
         """Make an instruction of what was understood.
 
         Args:
             answer: What a sentence asks for.
             sure: Whether that was understood with enough confidence to act on.
             before: What was spoken of before: "it".
+            unknown: Words of it that nobody knows.
         """
         match answer:
             case Hold(reason):
@@ -119,7 +132,7 @@ class TaskReader:
         if not first.clear:
             return _reply(ask_back(first))
         if not sure:
-            return _reply(f"I am not sure what you mean. Did you mean: {in_words(first)}?")
+            return _reply(ask_whether(first, unknown))
         target, verb = first.target, first.verb or ""
         if target.reference == "it":
             if before is None:

@@ -41,6 +41,17 @@ def ask_back(action: Action) -> str:
     return f"What should I {verb_phrase(action.verb, '')}?"
 
 
+def ask_whether(action: Action, unknown: tuple[str, ...]) -> str:
+    """Ask whether an action is what was meant.
+
+    Args:
+        action: What was probably meant.
+        unknown: Words that nobody knows.
+    """
+    doubt = f"I do not know what {unknown[0]!r} means here." if unknown else "I am not sure what you mean."
+    return f"{doubt} Did you mean: {in_words(action)}?"
+
+
 def in_words(action: Action) -> str:
     """An action as somebody would ask for it: "push the left red cube"."""
     name = _name(action.target)
