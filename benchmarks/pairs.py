@@ -32,12 +32,13 @@ from lerobot.utils.random_utils import set_seed
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
+from lerobot_owlxt5.autoencoder_features import FEATURE_NOISE, SMALLEST_RANGE
 from lerobot_owlxt5.backbones.ground_truth import GroundTruthDetector
 from lerobot_owlxt5.command_line import command
 from lerobot_owlxt5.commands.parser import parse_command, spoken
 from lerobot_owlxt5.configuration_owlxt5 import OBS_OBJECTS
 from lerobot_owlxt5.evaluation.metrics import is_accepted, nrmse, squared_errors
-from lerobot_owlxt5.visual_encoder import FEATURE_NOISE, SMALLEST_RANGE, MovedObjects, VisualInput
+from lerobot_owlxt5.visual_encoder import MovedObjects, VisualInput
 
 EVALUATIONS, SLOTS = 5, 20
 FIGURES = ["execute", "nearest", "describe", "repeat"]
