@@ -151,6 +151,10 @@ class Scene:
 
     def _called(self, name: str, colour: str) -> list[Thing]:
         """All things of an English name, in a colour if one is given; what fits best comes first."""
+        if not colour and name not in self._labels:
+            # Whoever understood the words took the colour for a part of the name.
+            its_colour, rest = split_colour(name)
+            colour, name = (its_colour, rest) if rest else (colour, name)
         hue = basic_colour(colour) if colour else None
         if colour and not hue:
             return []

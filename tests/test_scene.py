@@ -58,6 +58,7 @@ def find(things: dict[str, str], target: Target, before: Target | None = None) -
     [
         (CUBES, Target("cube", "red"), "left"),
         (CUBES, Target("cube", "crimson"), "left"),
+        (CUBES, Target("crimson cube"), "left"),
         (CUBES, Target("", "blue"), "right"),
         (CUBES, Target("cube", side="middle"), "middle"),
         (CUBES, Target("", side="right"), "right"),
@@ -85,6 +86,7 @@ SEES_CUBES = "I see a red cube, a green cube and a blue cube."
         (CUBES, Target("mug"), f"I cannot see a mug. {SEES_CUBES}"),
         # A green cube scores 0.4 as a cyan one, above the threshold, but more as a green one.
         (CUBES, Target("cube", "cyan"), f"I cannot see a cyan cube. {SEES_CUBES}"),
+        (CUBES, Target("cyan cube"), f"I cannot see a cyan cube. {SEES_CUBES}"),
         (CUBES, Target("cube", "blurple"), f"I do not know the colour blurple. {SEES_CUBES}"),
         (
             CUBES,
