@@ -38,7 +38,8 @@ from lerobot_owlxt5.command_line import command
 from lerobot_owlxt5.commands.parser import parse_command, spoken
 from lerobot_owlxt5.configuration_owlxt5 import OBS_OBJECTS
 from lerobot_owlxt5.evaluation.metrics import is_accepted, nrmse, squared_errors
-from lerobot_owlxt5.visual_encoder import MovedObjects, VisualInput
+from lerobot_owlxt5.scene import Search
+from lerobot_owlxt5.visual_encoder import MovedObjects, Sightings, VisualInput
 
 EVALUATIONS, SLOTS = 5, 20
 FIGURES = ["execute", "nearest", "describe", "repeat"]
@@ -87,6 +88,10 @@ class StoredFeatures(nn.Module):
         return VisualInput(seen, torch.ones(len(seen), dtype=torch.bool))
 
     encode_cached = encode
+
+    def find(self, batch: Mapping[str, Any], searches: Sequence[Search], *_: Any) -> Sightings:
+        """What is meant is what was stored."""
+        return Sightings(self.encode(batch).features[:, :1], ["it"] * len(searches), [""] * len(searches))
 
     def find_moved(self, batch: Mapping[str, Any], labels: Sequence[str]) -> MovedObjects:
         """What the task names has moved: the simulator knows."""
