@@ -16,10 +16,10 @@ import numpy as np
 import torch
 from rich.console import Console
 from rich.table import Table
-from scipy.stats import binomtest
 from torch import Tensor
 from torchvision.ops import box_iou
 from tqdm import trange
+from understanding import rate
 
 from lerobot_owlxt5.backbones.pretrained import EMBEDDED
 from lerobot_owlxt5.backbones.zero_shot import ZeroShotDetector
@@ -113,14 +113,9 @@ def main(config: ReferencesConfig) -> None:
                     counts[kind, "wrong"] += given is not None and given != right
             for kind in dict.fromkeys(kind for kind, _ in counts):
                 n = counts[kind, "n"]
-                rates = [_rate(counts[kind, key], n) for key in ("right", "wrong")]
+                rates = [rate(counts[kind, key], n, 1) for key in ("right", "wrong")]
                 table.add_row(f"{suite}, {placement}", kind, str(n), *rates)
     Console(width=120).print(table)
-
-
-def _rate(count: int, total: int) -> str:
-    interval = binomtest(count, total).proportion_ci(method="wilson")
-    return f"{count / total:.1%} ({100 * interval.low:.1f} to {100 * interval.high:.1f})"
 
 
 if __name__ == "__main__":

@@ -120,9 +120,11 @@ def _is_less(given: Action, right: Action) -> bool:
     return all(getattr(given.target, mark) in ("", None, getattr(right.target, mark)) for mark in marks)
 
 
-def _rate(count: int, total: int) -> str:
+def rate(count: int, total: int, digits: int = 0) -> str:
+    """A share in percent with Wilson's 95 % interval."""
     interval = binomtest(count, total).proportion_ci(method="wilson")
-    return f"{count / total:.0%} ({100 * interval.low:.0f} to {100 * interval.high:.0f})"
+    low, high = 100 * interval.low, 100 * interval.high
+    return f"{count / total:.{digits}%} ({low:.{digits}f} to {high:.{digits}f})"
 
 
 def _table(title: str, counts: dict[str, Counter[str]], rated: tuple[str, ...] = ()) -> Table:
@@ -131,7 +133,7 @@ def _table(title: str, counts: dict[str, Counter[str]], rated: tuple[str, ...] =
         table.add_column(heading, justify="left" if heading == "sentences" else "right")
     for name, outcomes in counts.items():
         total = outcomes.total()
-        shown = (_rate(outcomes[o], total) if rated else str(outcomes[o] or "") for o in rated or OUTCOMES)
+        shown = (rate(outcomes[o], total) if rated else str(outcomes[o] or "") for o in rated or OUTCOMES)
         table.add_row(name, str(total), *shown)
     return table
 

@@ -21,9 +21,8 @@ from lerobot.envs.utils import preprocess_observation
 from lerobot.policies.factory import make_pre_post_processors
 from rich.console import Console
 from rich.table import Table
-from scipy.stats import binomtest
 from tqdm import tqdm
-from understanding import SENTENCES, Sentence, read_sentences
+from understanding import SENTENCES, Sentence, rate, read_sentences
 
 from lerobot_owlxt5 import OWLxT5Policy
 from lerobot_owlxt5.command_line import command
@@ -180,11 +179,6 @@ class World:
         return self._outcomes[key]
 
 
-def _rate(count: int, total: int) -> str:
-    interval = binomtest(count, total).proportion_ci(method="wilson")
-    return f"{count / total:.1%} ({100 * interval.low:.1f} to {100 * interval.high:.1f})"
-
-
 def _all_said(config: WordingsConfig) -> Iterator[Said]:
     objects = np.array([item.name for item in read_objects(config.objects)])
     rng = np.random.default_rng(config.seed)
@@ -219,8 +213,8 @@ def main(config: WordingsConfig) -> None:
     for group in dict.fromkeys(group for group, _ in counts):
         n = counts[group, "n"]
         wish = group.startswith("wish")
-        shown = [_rate(counts[group, key], n) if wish else "" for key in ("right", "canonical")]
-        table.add_row(group, str(n), *shown, _rate(counts[group, "moved"], n))
+        shown = [rate(counts[group, key], n, 1) if wish else "" for key in ("right", "canonical")]
+        table.add_row(group, str(n), *shown, rate(counts[group, "moved"], n, 1))
     Console(width=140).print(table)
 
 

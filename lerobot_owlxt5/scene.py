@@ -12,7 +12,8 @@ from .backbones.detections import Detector
 from .commands.answer import Landmark, Target
 from .commands.colours import COLOURS, basic_colour, split_colour
 from .commands.parser import object_name, with_article
-from .commands.referring import Place, matching, side_of
+from .commands.referring import Place, are_apart, matching, side_of
+from .commands.replies import listed
 from .commands.vocabulary import THINGS
 
 _SIDES = {"left": "on the left", "right": "on the right", "middle": "in the middle"}
@@ -128,7 +129,7 @@ class Scene:
         """Say what is seen."""
         if not self.things:
             return "I see nothing that I know."
-        return f"I see {_listed([with_article(thing.name) for thing in self.things], 'and')}."
+        return f"I see {listed([with_article(thing.name) for thing in self.things], 'and')}."
 
     @cached_property
     def things(self) -> list[Thing]:
@@ -192,25 +193,22 @@ class Scene:
         labels = [self._label(thing) for thing in things]
         if len({*labels}) < len(labels):
             labels = [f"{side} one" for side in _row(len(things))]
-        choices = _listed([f"the {label}" for label in labels], "or")
+        choices = listed([f"the {label}" for label in labels], "or")
         return (
             f"Which {things[0].name if len({t.name for t in things}) == 1 else 'one'} do you mean: {choices}?"
         )
 
     def _label(self, thing: Thing) -> str:
         """The best label of what stands at a thing's place."""
-        return next((other.name for other in self.things if _same(other, thing)), thing.name)
-
-
-def _same(thing: Thing, other: Thing) -> bool:
-    return matching(Target(reference="other"), [thing.place], (), other.place) == []
+        there = (other.name for other in self.things if not are_apart(other.place, thing.place))
+        return next(there, thing.name)
 
 
 def _apart(things: Sequence[Thing]) -> list[Thing]:
     """The same, each place once."""
     kept: list[Thing] = []
     for thing in things:
-        if not any(_same(thing, other) for other in kept):
+        if all(are_apart(thing.place, other.place) for other in kept):
             kept.append(thing)
     return kept
 
@@ -228,16 +226,9 @@ def _contradiction(target: Target, called: Sequence[Thing]) -> str:
         where = _SIDES[side_of(called[0].place)]
         return f"I see one {name}, and it is {where}, not {_SIDES[target.side]}: say it again without a side."
     if target.relation:
-        marks = [
-            f"the {object_name(f'{mark.colour} {mark.name}'.strip())}" for mark in target.relation.landmarks
-        ]
+        marks = [f"the {object_name(mark.phrase)}" for mark in target.relation.landmarks]
         kind = {"before": "in front of"}.get(target.relation.kind, target.relation.kind)
-        return f"I see {with_article(name)}, but none {kind} {_listed(marks, 'and')}."
+        return f"I see {with_article(name)}, but none {kind} {listed(marks, 'and')}."
     if target.order:
         return f"I see only {len(called)} of these, so none is the {' from the '.join(target.order)}."
     return f"I see only one {name}, and no other one."
-
-
-def _listed(words: Sequence[str], conjunction: str) -> str:
-    *first, last = words
-    return f"{', '.join(first)} {conjunction} {last}" if first else last

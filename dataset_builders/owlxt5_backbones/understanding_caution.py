@@ -3,6 +3,7 @@
 
 from collections import Counter
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 
@@ -39,9 +40,7 @@ def find_wish_words(seed: int) -> list[str]:
     A sentence with another word may be more than a wish: "push the ball tonight", "let my sister push it".
     """
     counts = Counter[str]()
-    for count, (sentence, answer) in enumerate(_clear_wishes(np.random.default_rng((seed, _WISHES)))):
-        if count == _WISHES:
-            break
+    for sentence, answer in islice(_clear_wishes(np.random.default_rng((seed, _WISHES))), _WISHES):
         counts.update({*left_over(said_words(sentence), answer)})
     return sorted(word for word, count in counts.items() if count >= _SEEN)
 

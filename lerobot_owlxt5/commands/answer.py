@@ -38,6 +38,10 @@ ANY_VERB = "move"
 VERB_TEXTS = {spoken(verb): verb for verb in VERBS} | {ANY_VERB: None}
 
 
+def _phrase(colour: str, name: str) -> str:
+    return f"{colour} {name}".strip()
+
+
 @dataclass(frozen=True)
 class Landmark:
     """A thing beside which the target stands.
@@ -49,6 +53,11 @@ class Landmark:
 
     name: str = ""
     colour: str = ""
+
+    @property
+    def phrase(self) -> str:
+        """Colour and name, as said."""
+        return _phrase(self.colour, self.name)
 
 
 @dataclass(frozen=True)
@@ -87,7 +96,7 @@ class Target:
     @property
     def phrase(self) -> str:
         """Colour and name, as said."""
-        return f"{self.colour} {self.name}".strip()
+        return _phrase(self.colour, self.name)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a policy makes of a task: what to look for, what to ask the language model, and what to answer."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 from .answer import Action, Answer, Hold, Question, Target
@@ -19,7 +19,6 @@ from .replies import (
     in_words,
     verb_phrase,
 )
-from .verbs import VERBS
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ class Instruction:
         """
         if self.verb is None:
             return "I will do it."
-        first = f"I will {VERBS[self.verb].imperative.format(f'the {object_name(name)}')}"
+        first = f"I will {verb_phrase(self.verb, f'the {object_name(name)}')}"
         if not self.later:
             return f"{first}."
         more = " and then ".join(in_words(action) for action in self.later)
@@ -125,7 +124,7 @@ class TaskReader:
             case Hold(reason):
                 return _reply(HOLDS[reason])
             case Question("scene"):
-                return replace(_reply(""), wants_report=True)
+                return Instruction(execute_prompt(""), wants_report=True)
             case Question(kind):
                 return _reply(REPLIES[kind])
         first, *later = answer.actions
@@ -138,8 +137,8 @@ class TaskReader:
             if before is None:
                 return _reply(f"What do you mean by it? Name what I should {verb_phrase(verb, '')}.")
             target = before
-        name = f"{target.colour} {target.name}".strip() or "thing"
-        return Instruction(self._prompt(Command(verb, name)), target, verb, later=(*later,))
+        prompt = self._prompt(Command(verb, target.phrase or "thing"))
+        return Instruction(prompt, target, verb, later=(*later,))
 
     def _prompt(self, command: Command) -> str:
         wanted = trained_task(command, self.trained) if self.names_objects else command.canonical

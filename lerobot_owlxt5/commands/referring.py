@@ -40,7 +40,7 @@ def matching(
     """
     left = [*range(len(places))]
     if target.reference == "other" and before is not None:
-        left = [index for index in left if _distance(places[index], before) > APART]
+        left = [index for index in left if are_apart(places[index], before)]
     if target.relation:
         left = _related(target.relation, {index: places[index] for index in left}, landmarks)
     if target.order:
@@ -51,6 +51,11 @@ def matching(
     if target.side:
         left = _on_side(target.side, {index: places[index] for index in left})
     return left
+
+
+def are_apart(place: Place, other: Place) -> bool:
+    """Whether two things stand at different places."""
+    return _distance(place, other) > APART
 
 
 def side_of(place: Place) -> str:
@@ -85,7 +90,7 @@ def _related(relation: Relation, places: dict[int, Place], landmarks: Sequence[P
         "behind": lambda place: mark.y - place.y,
         "before": lambda place: place.y - mark.y,
     }
-    others = {index: place for index, place in places.items() if _distance(place, mark) > APART}
+    others = {index: place for index, place in places.items() if are_apart(place, mark)}
     if relation.kind in apart:
         return [index for index, place in others.items() if apart[relation.kind](place) > APART]
     nearest = min((_distance(place, mark) for place in others.values()), default=0.0)

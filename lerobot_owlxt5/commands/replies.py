@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a policy says in place of a movement."""
 
+from collections.abc import Sequence
+
 from .answer import Action, Target
 from .parser import object_name
 from .prompts import MAX_CHARACTERS
@@ -37,8 +39,14 @@ def ask_back(action: Action) -> str:
     if action.verb is None:
         first, *more = VERBS
         options = [verb_phrase(first, name), *(verb_phrase(verb, "it") for verb in more)]
-        return f"Should I {', '.join(options[:-1])} or {options[-1]}?"
+        return f"Should I {listed(options, 'or')}?"
     return f"What should I {verb_phrase(action.verb, '')}?"
+
+
+def listed(words: Sequence[str], conjunction: str) -> str:
+    """Words in a row: "a cube, a ball and a can"; at least one."""
+    *first, last = words
+    return f"{', '.join(first)} {conjunction} {last}" if first else last
 
 
 def ask_whether(action: Action, unknown: tuple[str, ...]) -> str:
