@@ -17,7 +17,7 @@ from owlxt5_backbones.understanding_lessons import (
     HELD_OUT,
     draw_lesson,
     draw_understood,
-    frames,
+    frame_book,
     held_out,
     normalised,
 )
@@ -70,14 +70,16 @@ def test_no_held_out_sentence_is_a_lesson() -> None:
 
 
 def test_no_frame_is_a_held_out_sentence() -> None:
-    texts = {normalised(frame.text) for found in frames().values() for pair in found for frame in pair}
+    texts = {
+        normalised(frame.text) for found in frame_book().frames.values() for pair in found for frame in pair
+    }
     assert len(texts) > 1000
     assert not texts & held_out()
 
 
 @pytest.mark.parametrize("language", ["en", "de"])
 def test_contrasts_differ_in_what_is_right(language: str) -> None:
-    for pair in frames()["contrast", language]:
+    for pair in frame_book().frames["contrast", language]:
         assert len({frame.kind for frame in pair}) == len(pair) == 2
 
 

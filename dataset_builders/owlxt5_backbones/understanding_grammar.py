@@ -9,10 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lerobot_owlxt5.commands.answer import Landmark, Relation, Target, said_words
+from lerobot_owlxt5.commands.answer import RELATIONS, SIDES, Landmark, Relation, Target, said_words
 from lerobot_owlxt5.commands.pseudo_names import draw_name
 
 from .catalogue import CATEGORIES, COLOURS
+from .frame_book import words
 from .grammar import ADJECTIVES, COMPOUNDS, DEFINITE, INDEFINITE, Case, Gender, Noun, compound, nouns
 from .rng import choice
 
@@ -22,7 +23,6 @@ _COLOURS = (
     *("silver", "indigo", "magenta", "dark green", "bright yellow", "teal", "ruby", "sky blue", "lilac"),
 )
 _COLOURS_DE = (*[*ADJECTIVES.values()][:20], "dunkelrot", "hellblau", "dunkelgrün", "bunt", "hellrosa")
-_QUALITIES = [*ADJECTIVES][20:]
 _SHARE_INVENTED, _SHARE_COLOURED, _SHARE_QUALITY, _SHARE_MARKED = 0.25, 0.3, 0.1, 0.4
 
 # fmt: off
@@ -35,70 +35,10 @@ _CODAS = (
     "",
     "",
     "",
-    "b",
-    "ck",
-    "f",
-    "g",
-    "ks",
-    "l",
-    "lt",
-    "m",
-    "n",
-    "nd",
-    "p",
-    "r",
-    "rm",
-    "rt",
-    "s",
-    "t",
-    "x",
+    *("b", "ck", "f", "g", "ks", "l", "lt", "m", "n", "nd", "p", "r", "rm", "rt", "s", "t", "x"),
 )
 
-_SIDE_BEFORE = {
-    "left": ("left", "leftmost", "left hand"),
-    "right": ("right", "rightmost", "right hand"),
-    "middle": ("middle", "central", "centre"),
-    "near": ("nearest", "closest", "front", "lower"),
-    "far": ("farthest", "back", "rear", "upper", "most distant"),
-}
-_SIDE_BEHIND = {
-    "left": ("on the left", "on the left side", "that is on the left", "at the left", "on your left"),
-    "right": ("on the right", "on the right side", "that is on the right", "at the right", "on your right"),
-    "middle": ("in the middle", "in the centre", "that stands in the middle"),
-    "near": ("closest to you", "nearest to you", "in front", "right before you"),
-    "far": ("farthest away", "at the back", "farthest from you", "at the very back"),
-}
-_SIDE_BEFORE_DE = {
-    "left": ("link", "ganz link"),
-    "right": ("recht", "ganz recht"),
-    "middle": ("mittler",),
-    "near": ("vorder", "vorderst", "nächst"),
-    "far": ("hinter", "hinterst"),
-}
-_SIDE_BEHIND_DE = {
-    "left": ("links", "ganz links", "auf der linken seite"),
-    "right": ("rechts", "ganz rechts", "auf der rechten seite"),
-    "middle": ("in der mitte",),
-    "near": ("vorne", "ganz vorne"),
-    "far": ("hinten", "ganz hinten"),
-}
-_RELATIONS = {
-    "left of": ("left of", "to the left of", "on the left of", "on the left side of"),
-    "right of": ("right of", "to the right of", "on the right of", "on the right side of"),
-    "behind": ("behind", "just behind", "at the back of"),
-    "before": ("in front of", "just in front of", "before"),
-    "next to": ("next to", "beside", "close to", "near", "by"),
-    "between": ("between",),
-}
-_RELATIONS_DE = {
-    "left of": ("links von", "links neben"),
-    "right of": ("rechts von", "rechts neben"),
-    "behind": ("hinter", "direkt hinter"),
-    "before": ("vor", "direkt vor"),
-    "next to": ("neben", "bei"),
-    "between": ("zwischen",),
-}
-_JOINED = ("", "", "that is ", "which is ", "standing ", "that stands ", "lying ")
+_STANDING_DE = ("stehend", "stehend", "liegend", "befindlich")
 _RANKS = {"second": ("second", "2nd"), "third": ("third", "3rd"), "fourth": ("fourth", "4th")}
 _RANKS_DE = {"second": "zweit", "third": "dritt", "fourth": "viert"}
 _SIDES_DE = {"left": "links", "right": "rechts"}
@@ -148,31 +88,36 @@ def draw_thing(rng: np.random.Generator, *, plain: bool = False) -> Thing:
     """An English thing; a plain one has a name and perhaps a colour."""
     if not plain and rng.random() < 0.06:
         other = rng.random() < 0.5
-        said = choice(rng, ("the other one", "the other") if other else ("it", "that one", "the same one"))
+        said = choice(
+            rng,
+            ("the other one", "the other", "the remaining one")
+            if other
+            else ("it", "it", "that one", "the same one", "that", "this one", "that thing", "the same thing"),
+        )
         return _english(Target(reference="other" if other else "it"), said)
     name = draw_noun(rng).english
     if rng.random() < _SHARE_QUALITY:
-        name = f"{choice(rng, _QUALITIES)} {name}"
+        name = f"{choice(rng, words('quality', 'en'))} {name}"
     colour = draw_colour(rng) if rng.random() < _SHARE_COLOURED else ""
     if colour and rng.random() < 0.25:
         # "the red one", and CLANT's "red".
         said, name = choice(rng, (f"the {colour} one", f"the {colour} one", colour, f"the {colour}")), ""
-    elif not plain and rng.random() < 0.08:
-        name = choice(rng, ("thing", "object", "", ""))
+    elif not plain and rng.random() < 0.12:
+        name = choice(rng, ("thing", "object", "item", "", "", ""))
         said = f"the {colour} {name or 'one'}".replace("  ", " ")
     else:
-        head, _, tail = name.partition(" ") if name.split()[0] in _QUALITIES else ("", "", name)
-        article = choice(rng, ("the", "the", "the", "the", "the", "that", "this", "my", ""))
+        head, _, tail = name.partition(" ") if name.split()[0] in words("quality", "en") else ("", "", name)
+        article = choice(rng, ("the", "the", "the", "the", "the", "that", "this", "my", "your", "our", ""))
         said = " ".join(f"{article} {head} {colour} {tail}".split())
-        if colour and rng.random() < 0.12:
-            that = choice(
-                rng, ("the {} that is {}", "the {} which is {}", "the {} in {}", "the {} coloured {}")
-            )
-            said = that.format(name, colour)
+        if colour and rng.random() < 0.15:
+            said = choice(rng, words("in colour", "en")).format(name, colour)
     target = Target(name, colour)
     if plain or rng.random() > _SHARE_MARKED:
         return _english(target, said) if target != Target() else draw_thing(rng, plain=plain)
     return _english(*_marked(rng, target, said))
+
+
+_ARTICLES = ("that", "this", "my", "your", "our")
 
 
 def _english(target: Target, said: str) -> Thing:
@@ -185,32 +130,30 @@ def _marked(rng: np.random.Generator, target: Target, said: str) -> tuple[Target
     """The same with a side, a place in a row, a relation, or as the other one."""
     rest = said.removeprefix("the ") if said.startswith("the ") else ""
     if not rest:
-        rest = " ".join(said.split()[1:]) if said.split()[0] in ("that", "this", "my") else said
+        rest = " ".join(said.split()[1:]) if said.split()[0] in _ARTICLES else said
         rest = rest if target.name else f"{target.colour} one"
     kind = rng.random()
     if kind < 0.2:
-        side = choice(rng, [*_SIDE_BEFORE])
-        return replace(target, side=side), f"the {choice(rng, _SIDE_BEFORE[side])} {rest}"
+        side = choice(rng, SIDES)
+        return replace(target, side=side), f"the {choice(rng, words(f'{side} before', 'en'))} {rest}"
     if kind < 0.4:
-        side = choice(rng, [*_SIDE_BEHIND])
-        return replace(target, side=side), f"the {rest} {choice(rng, _SIDE_BEHIND[side])}"
+        side = choice(rng, SIDES)
+        return replace(target, side=side), f"the {rest} {choice(rng, words(f'{side} behind', 'en'))}"
     if kind < 0.52:
         rank, side = choice(rng, [*_RANKS]), choice(rng, ("left", "right"))
-        counted = choice(rng, ("from the {}", "from {}", "counted from the {}", "from the {} side")).format(
-            side
-        )
+        counted = choice(rng, words("counted", "en")).format(side)
         if rng.random() < 0.2:
             return replace(target, side=side), f"the first {rest} {counted}"
         return replace(target, order=(rank, side)), f"the {choice(rng, _RANKS[rank])} {rest} {counted}"
     if kind < 0.62:
         return replace(target, reference="other"), f"the other {rest}"
-    kinds = [*_RELATIONS]
-    relation = choice(rng, kinds)
+    relation = choice(rng, RELATIONS)
     things = [draw_thing(rng, plain=True) for _ in range(2 if relation == "between" else 1)]
     marks = tuple(Landmark(thing.target.name, thing.target.colour) for thing in things)
-    how = choice(rng, _JOINED) + choice(rng, _RELATIONS[relation])
+    joined = choice(rng, words("joined", "en")) if rng.random() < 0.7 else ""
     landmarks = " and ".join(thing.texts["dative"] for thing in things)
-    return replace(target, relation=Relation(relation, marks)), f"the {rest} {how} {landmarks}"
+    said = " ".join(f"the {rest} {joined} {choice(rng, words(relation, 'en'))} {landmarks}".split())
+    return replace(target, relation=Relation(relation, marks)), said
 
 
 _PRONOUNS: dict[Gender, dict[Case, str]] = {
@@ -230,41 +173,61 @@ def draw_german_thing(rng: np.random.Generator, case: Case, *, plain: bool = Fal
         return Thing(Target(reference="it"), {case: said}, {case: said})
     definite = rng.random() < 0.95
     article, ending = (DEFINITE if definite else INDEFINITE)[case][noun.gender]
+    if definite and rng.random() < 0.06:
+        article = {"der": "dieser", "den": "diesen", "dem": "diesem", "die": "diese", "das": "dieses"}[
+            article
+        ]
     name = " ".join(said_words(noun.german))
+    if rng.random() < _SHARE_QUALITY:
+        name = f"{choice(rng, words('quality', 'de'))}{ending} {name}"
     colour, marks, behind = "", Target(), ""
     if rng.random() < _SHARE_COLOURED:
         colour = choice(rng, _COLOURS_DE) + ending
         name = "" if rng.random() < 0.25 else name
     before: list[str] = [colour] if colour else []
     if not plain and rng.random() < _SHARE_MARKED:
-        kind = rng.random()
-        if kind < 0.25:
-            marks = Target(side=choice(rng, [*_SIDE_BEFORE_DE]))
-            before.insert(0, choice(rng, _SIDE_BEFORE_DE[marks.side]) + ending)
-        elif kind < 0.45:
-            marks = Target(side=choice(rng, [*_SIDE_BEHIND_DE]))
-            behind = choice(rng, _SIDE_BEHIND_DE[marks.side])
-        elif kind < 0.57:
-            rank, side = choice(rng, [*_RANKS_DE]), choice(rng, [*_SIDES_DE])
-            marks, behind = Target(order=(rank, side)), f"von {_SIDES_DE[side]}"
-            before.insert(0, _RANKS_DE[rank] + ending)
-        elif kind < 0.7:
-            marks = Target(reference="other")
-            before.insert(0, f"ander{ending}")
-        else:
-            relation = choice(rng, [*_RELATIONS_DE])
-            things = [
-                draw_german_thing(rng, "dative", plain=True) for _ in range(2 if relation == "between" else 1)
-            ]
-            landmarks = tuple(Landmark(thing.target.name, thing.target.colour) for thing in things)
-            marks = Target(relation=Relation(relation, landmarks))
-            behind = choice(rng, _RELATIONS_DE[relation]) + " "
-            behind += " und ".join(thing.texts["dative"] for thing in things)
+        marks, first, behind = _german_marks(rng, ending)
+        before = [*first, *before]
         if before and rng.random() < 0.15:
             name = ""
     said = " ".join([article, *before, *([name] if name else []), *([behind] if behind else [])])
     target = replace(marks, name=name, colour=" ".join(said_words(colour)))
+    if target == Target():
+        return draw_german_thing(rng, case, plain=plain)
     return Thing(target, {case: said}, {case: _PRONOUNS[noun.gender][case]})
+
+
+def _german_marks(rng: np.random.Generator, ending: str) -> tuple[Target, list[str], str]:
+    """A side, a place in a row, a relation, or the other one: what stands before the name, and behind it."""
+    kind = rng.random()
+    if kind < 0.22:
+        side = choice(rng, SIDES)
+        return Target(side=side), [choice(rng, words(f"{side} before", "de")) + ending], ""
+    if kind < 0.3:
+        side = choice(rng, SIDES)
+        how = f"{choice(rng, words(f'{side} standing', 'de'))} {choice(rng, _STANDING_DE)}{ending}"
+        return Target(side=side), [how], ""
+    if kind < 0.45:
+        side = choice(rng, SIDES)
+        return Target(side=side), [], choice(rng, words(f"{side} behind", "de"))
+    if kind < 0.57:
+        rank, side = choice(rng, [*_RANKS_DE]), choice(rng, [*_SIDES_DE])
+        counted = choice(rng, ("von {}", "von {} gezählt", "von {} aus", "von {} her")).format(
+            _SIDES_DE[side]
+        )
+        if rng.random() < 0.2:
+            return Target(side=side), [f"erst{ending}"], counted
+        return Target(order=(rank, side)), [f"{_RANKS_DE[rank]}{ending}"], counted
+    if kind < 0.68:
+        return Target(reference="other"), [f"ander{ending}"], ""
+    relation = choice(rng, RELATIONS)
+    things = [draw_german_thing(rng, "dative", plain=True) for _ in range(2 if relation == "between" else 1)]
+    landmarks = tuple(Landmark(thing.target.name, thing.target.colour) for thing in things)
+    how = f"{choice(rng, words(relation, 'de'))} {' und '.join(thing.texts['dative'] for thing in things)}"
+    marks = Target(relation=Relation(relation, landmarks))
+    if rng.random() < 0.15:
+        return marks, [f"{how} {choice(rng, _STANDING_DE)}{ending}"], ""
+    return marks, [], how
 
 
 @dataclass(frozen=True)
@@ -302,22 +265,98 @@ _ENGLISH_VERBS = {
         *(("swipe", "swiping", "swiped", "swipes"), ("whisk", "whisking", "whisked", "whisks")),
         *(("transfer", "transferring", "transferred", "transfers"), ("budge", "budging", "budged", "budges")),
         *(("tap", "tapping", "tapped", "taps"), ("wheel", "wheeling", "wheeled", "wheels")),
+        *(("relocate", "relocating", "relocated", "relocates"), ("coax", "coaxing", "coaxed", "coaxes")),
+        *(
+            ("reposition", "repositioning", "repositioned", "repositions"),
+            ("hustle", "hustling", "hustled", "hustles"),
+        ),
+        *(("displace", "displacing", "displaced", "displaces"), ("usher", "ushering", "ushered", "ushers")),
+        *(
+            ("transport", "transporting", "transported", "transports"),
+            ("boost", "boosting", "boosted", "boosts"),
+        ),
+        *(("haul", "hauling", "hauled", "hauls"), ("fetch", "fetching", "fetched", "fetches")),
+        *(
+            ("retract", "retracting", "retracted", "retracts"),
+            ("scooch", "scooching", "scooched", "scooches"),
+        ),
+        *(("advance", "advancing", "advanced", "advances"), ("elbow", "elbowing", "elbowed", "elbows")),
+        *(
+            ("manoeuvre", "manoeuvring", "manoeuvred", "manoeuvres"),
+            ("propel", "propelling", "propelled", "propels"),
+        ),
+        *(("bulldoze", "bulldozing", "bulldozed", "bulldozes"), ("put", "putting", "put", "puts")),
+        *(("work", "working", "worked", "works"), ("direct", "directing", "directed", "directs")),
     )
 }
 WHERE = {
-    "push": ("away", "away from you", "forward", "forwards", "further away", "farther from you", "ahead"),
-    "pull": ("closer", "closer to you", "towards you", "back towards you", "nearer", "nearer to you", "back"),
+    "push": (
+        *(
+            "away",
+            "away",
+            "away from you",
+            "forward",
+            "forwards",
+            "further away",
+            "farther from you",
+            "ahead",
+        ),
+        *("away from yourself", "a bit further away", "farther off", "off", "further out", "out of your way"),
+        *(
+            "a little farther away",
+            "further from you",
+            "out",
+            "further back from you",
+            "farther away from you",
+        ),
+    ),
+    "pull": (
+        *("closer", "closer to you", "towards you", "back towards you", "nearer", "nearer to you", "back"),
+        *(
+            "closer to yourself",
+            "towards yourself",
+            "toward you",
+            "to you",
+            "a bit closer",
+            "in",
+            "over to you",
+        ),
+        *("a little nearer to yourself", "in your direction", "back to you", "closer in", "right up to you"),
+    ),
     **{
         f"slide-to-{side}": (
             *(f"to the {side}", f"to the {side}", side, f"to your {side}", f"{side}wards", f"{side}ward"),
             *(f"over to the {side}", f"to the {side} side", f"further {side}", f"a bit to the {side}"),
-            *(f"a little {side}", f"towards the {side}"),
+            *(f"a little {side}", f"towards the {side}", f"towards your {side}", f"to the {side} hand side"),
+            *(f"to your {side} side", f"a bit {side}", f"a bit further to the {side}", f"more to the {side}"),
+            *(
+                f"a little to the {side}",
+                f"in the {side} direction",
+                f"off to the {side}",
+                f"across to the {side}",
+            ),
         )
         for side in ("left", "right")
     },
 }
 """Ways to say where a verb moves things."""
-_ANYWHERE = ("ease", "inch", "scoot", "edge", "slip", "steer", "guide", "send", "transfer", "budge", "wheel")
+_ANYWHERE = (
+    *(
+        "ease",
+        "inch",
+        "scoot",
+        "edge",
+        "slip",
+        "steer",
+        "guide",
+        "send",
+        "transfer",
+        "budge",
+        "wheel",
+        "relocate",
+    ),
+    *("coax", "reposition", "displace", "usher", "transport", "scooch", "manoeuvre", "work", "direct", "put"),
+)
 _SIDEWAYS = (
     *("slide", "slide", "slide", "move", "push", "shift", "nudge", "glide", "sweep", "roll", "drag", "pull"),
     *("brush", "flick", "swipe", "whisk", "bump", "prod", "knock", "tow", "tap", *_ANYWHERE),
@@ -330,10 +369,11 @@ _MOVED = {
     "push": (
         *("push", "push", "push", "shove", "shove", "move", "move", "shift", "nudge", "press", "get"),
         *("bump", "prod", "propel", "force", "knock", "flick", "brush", "tap", *_ANYWHERE),
+        *("hustle", "boost", "advance", "elbow", "bulldoze"),
     ),
     "pull": (
         *("pull", "pull", "pull", "drag", "drag", "move", "move", "bring", "shift", "get"),
-        *("draw", "tow", "lug", "heave", "haul", *_ANYWHERE),
+        *("draw", "draw", "tow", "lug", "heave", "haul", "fetch", "retract", *_ANYWHERE),
     ),
 }
 _CLANT = {
@@ -392,11 +432,40 @@ _ZERREN = _GermanVerb("zerr", "zerren", "zerrst", "zerrt", "gezerrt", "zerre")
 _BRINGEN = _GermanVerb("bring", "bringen", "bringst", "bringt", "gebracht", "bringe")
 _ROLLEN = _GermanVerb("roll", "rollen", "rollst", "rollt", "gerollt", "rolle")
 _BEFOERDERN = _GermanVerb("beförder", "befördern", "beförderst", "befördert", "befördert", "befördere")
+_BUGSIEREN = _GermanVerb("bugsier", "bugsieren", "bugsierst", "bugsiert", "bugsiert", "bugsiere")
+_SCHAFFEN = _GermanVerb("schaff", "schaffen", "schaffst", "schafft", "geschafft", "schaffe")
+_LENKEN = _GermanVerb("lenk", "lenken", "lenkst", "lenkt", "gelenkt", "lenke")
+_SCHLEIFEN = _GermanVerb("schleif", "schleifen", "schleifst", "schleift", "geschleift", "schleife")
+_WUCHTEN = _GermanVerb("wucht", "wuchten", "wuchtest", "wuchtet", "gewuchtet", "wuchte")
+_TREIBEN = _GermanVerb("treib", "treiben", "treibst", "treibt", "getrieben", "treibe")
+_SCHLEPPEN = _GermanVerb("schlepp", "schleppen", "schleppst", "schleppt", "geschleppt", "schleppe")
+_MANOEVRIEREN = _GermanVerb(
+    "manövrier", "manövrieren", "manövrierst", "manövriert", "manövriert", "manövriere"
+)
+_VERFRACHTEN = _GermanVerb(
+    "verfracht", "verfrachten", "verfrachtest", "verfrachtet", "verfrachtet", "verfrachte"
+)
+_TUN = _GermanVerb("tu", "tun", "tust", "tut", "getan", "tue")
+_ANYWHERE_DE = (_BUGSIEREN, _SCHAFFEN, _LENKEN, _WUCHTEN, _MANOEVRIEREN, _BEFOERDERN, _VERFRACHTEN, _TUN)
 # Written together with the verb at the end of a clause.
 _SEPARABLE = ("weg", "fort", "vor", "heran", "ran", "her", "zurück", "herbei")
 WHERE_DE = {
-    "push": ("weg", "weiter weg", "von dir weg", "nach vorn", "nach vorne", "weiter von dir weg", "fort"),
-    "pull": ("heran", "ran", "her", "zu dir", "näher", "näher zu dir", "näher heran", "zurück", "zu dir her"),
+    "push": (
+        *("weg", "weg", "weiter weg", "von dir weg", "nach vorn", "nach vorne", "weiter von dir weg", "fort"),
+        *("von dir fort", "ein stück weg", "ein bisschen weiter weg", "etwas von dir weg", "in die ferne"),
+    ),
+    "pull": (
+        *("heran", "ran", "her", "zu dir", "näher", "näher zu dir", "näher heran", "zurück", "zu dir her"),
+        *(
+            "an dich heran",
+            "an dich ran",
+            "zu dir hin",
+            "näher an dich heran",
+            "in deine richtung",
+            "zu dir zurück",
+        ),
+        *("ein stück näher", "etwas näher zu dir", "dichter an dich ran", "näher an dich ran"),
+    ),
     **{
         f"slide-to-{side}": (
             *(f"nach {way}", f"nach {way}", f"weiter nach {way}", f"ein bisschen nach {way}"),
@@ -406,6 +475,19 @@ WHERE_DE = {
                 f"ein stück nach {way}",
                 f"auf die {way[:-1]}e seite",
             ),
+            *(
+                f"nach {way} rüber",
+                f"nach {way} hinüber",
+                f"in richtung {way}",
+                f"weiter {way}",
+                f"zur {way[:-1]}en seite",
+            ),
+            *(
+                f"ein wenig nach {way}",
+                f"{way} rüber",
+                f"zu deiner {way[:-1]}en seite",
+                f"ein stückchen nach {way}",
+            ),
         )
         for side, way in _SIDES_DE.items()
     },
@@ -414,13 +496,16 @@ WHERE_DE = {
 _MOVED_DE = {
     "push": (
         *(_SCHIEBEN, _SCHIEBEN, _SCHIEBEN, _STOSSEN, _SCHUBSEN, _DRUECKEN, _BEWEGEN, _RUECKEN, _STUPSEN),
-        *(_ROLLEN, _BEFOERDERN),
+        *(_ROLLEN, _TREIBEN, *_ANYWHERE_DE),
     ),
-    "pull": (_ZIEHEN, _ZIEHEN, _ZIEHEN, _ZIEHEN, _HOLEN, _BEWEGEN, _RUECKEN, _ZERREN, _BRINGEN, _ROLLEN),
+    "pull": (
+        *(_ZIEHEN, _ZIEHEN, _ZIEHEN, _ZIEHEN, _HOLEN, _BEWEGEN, _RUECKEN, _ZERREN, _BRINGEN, _ROLLEN),
+        *(_SCHLEIFEN, _SCHLEPPEN, *_ANYWHERE_DE),
+    ),
 }
 _SIDEWAYS_DE = (
     *(_SCHIEBEN, _SCHIEBEN, _SCHIEBEN, _RUECKEN, _BEWEGEN, _ZIEHEN, _DRUECKEN, _STUPSEN, _BRINGEN, _ROLLEN),
-    *(_BEFOERDERN, _SCHUBSEN),
+    *(_SCHUBSEN, _SCHLEIFEN, _TREIBEN, *_ANYWHERE_DE),
 )
 
 
