@@ -92,7 +92,7 @@ class Scene:
         labels: Sequence[str],
         in_english: Callable[[str], str],
     ) -> None:
-        self._detector, self._observation = detector, observation
+        self._detector, self._look = detector, detector.look(observation)
         self._labels = [*dict.fromkeys([*map(object_name, labels), *THINGS])]
         self._in_english = in_english
 
@@ -134,7 +134,7 @@ class Scene:
     @cached_property
     def things(self) -> list[Thing]:
         """All that is seen, each by its best label, from left to right."""
-        found = self._detector.propose(self._observation, [self._labels]).things(self._detector.threshold)
+        found = self._look([self._labels]).things(self._detector.threshold)
         best = found.score.argmax(dim=1).tolist()
         things = [Thing(self._labels[label], found.box[place, label]) for place, label in enumerate(best)]
         return sorted(things, key=lambda thing: thing.place.x)
@@ -172,7 +172,7 @@ class Scene:
         Colours compete: a detector scores a blue cube as a cyan one too, but as a blue one higher.
         """
         names = [f"{colour} {kind}" for colour in COLOURS] if hue else [kind]
-        found = self._detector.propose(self._observation, [names]).things(self._detector.threshold)
+        found = self._look([names]).things(self._detector.threshold)
         wanted = names.index(f"{hue} {kind}") if hue else 0
         score = found.score[:, wanted]
         fits = (score >= self._detector.threshold) & (score >= found.score.amax(dim=1))

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import torch
 
+from lerobot_owlxt5.backbones.pretrained import EMBEDDED
+from lerobot_owlxt5.backbones.zero_shot import ZeroShotDetector
 from nico_tabletop.objects import CUBE_HALF_WIDTH, read_objects, visible_surface
 from nico_tabletop.scene import build_model
 from owlxt5_backbones import card, queries, train
@@ -248,3 +250,14 @@ def test_a_miniature_detector_learns_is_evaluated_and_gets_a_card(
     first, second = more.command.splitlines()
     assert first == config.command
     assert "--steps=5 " in second
+
+
+def test_an_image_that_is_looked_at_once_shows_the_same() -> None:
+    detector = ZeroShotDetector(EMBEDDED, None, None, "eyes")
+    observation = {"eyes": torch.rand(2, 3, 120, 160, generator=torch.Generator().manual_seed(0))}
+    names = [["red cube", "mug"], ["ball", "blue cube"]]
+    look, usual = detector.look(observation), detector.propose(observation, names)
+    for _ in range(2):
+        found = look(names)
+        torch.testing.assert_close(found.score, usual.score, atol=1e-5, rtol=0)
+        torch.testing.assert_close(found.box, usual.box)

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a detector answers: where the named objects are in an image."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 import torch
@@ -107,6 +108,10 @@ class Candidates(NamedTuple):
         return Detections(box[index], best)
 
 
+Look = Callable[[Sequence[Sequence[str]]], Candidates]
+"""Images that were looked at once, to be asked for names: for each sample the same number of them."""
+
+
 class Detector(Protocol):
     """Finds named objects.
 
@@ -120,6 +125,10 @@ class Detector(Protocol):
 
     def can_read(self, names: Sequence[str]) -> bool:
         """Whether names that are looked for together are short enough to be read to their end."""
+
+    def look(self, observation: Mapping[str, Any]) -> Look:
+        """Look once, to ask for several names one after the other; see `propose`."""
+        return partial(self.propose, observation)
 
     def propose(self, observation: Mapping[str, Any], names: Sequence[Sequence[str]]) -> Candidates:
         """Look once, to choose among the boxes afterwards.

@@ -6,6 +6,7 @@ of its config.json. What they have in common is `ZeroShotDetector`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import torch
@@ -19,11 +20,13 @@ from transformers import (
 )
 
 from ..commands.parser import object_name
-from .detections import Candidates, Detector
+from .detections import Candidates, Detector, Look
 from .pretrained import find_backbone, load_pretrained
 
 # OWLv2 looks at 3600 patches of an image: a whole training batch at once would not fit into memory.
 IMAGES_AT_ONCE = 8
+# Of which the embeddings are kept, a few kilobytes each.
+MOST_NAMES = 1000
 
 
 class OwlCandidates:
@@ -35,6 +38,7 @@ class OwlCandidates:
         self.model = model
         self.processor = processor
         self._pads = model.config.model_type == "owlv2"
+        self._embedded: dict[str, Tensor] = {}
 
     def can_read(self, names: Sequence[str]) -> bool:
         """Whether no name is longer than what the model reads: it would see the beginning alone."""
@@ -48,11 +52,42 @@ class OwlCandidates:
             text=queries, images=list(images), do_rescale=False, truncation=True, return_tensors="pt"
         )
         outputs = self.model(**inputs.to(images.device))
-        middle, half = outputs.pred_boxes[..., :2], outputs.pred_boxes[..., 2:] / 2
+        return Candidates(self._corners(outputs.pred_boxes, images), outputs.logits.sigmoid())
+
+    def look(self, images: Tensor) -> Look:
+        """Encode images once, to ask for several names one after the other."""
+        inputs = self.processor(images=list(images), do_rescale=False, return_tensors="pt").to(images.device)
+        feature_map = self.model.image_embedder(inputs["pixel_values"])[0]
+        features = feature_map.flatten(1, 2)
+        boxes = self._corners(self.model.box_predictor(features, feature_map), images)
+
+        def candidates(names: Sequence[Sequence[str]]) -> Candidates:
+            queries = torch.stack([torch.stack([self._embed(name) for name in asked]) for asked in names])
+            logits, _ = self.model.class_predictor(features, queries.to(images.device))
+            return Candidates(boxes, logits.sigmoid())
+
+        return candidates
+
+    def _corners(self, boxes: Tensor, images: Tensor) -> Tensor:
+        """Boxes as in `Detections`, of the model's middles and sizes."""
+        middle, half = boxes[..., :2], boxes[..., 2:] / 2
         corners = [middle - half, middle + half]
         if self._pads:
             corners = [to_image_coordinates(point, *images.shape[-2:]) for point in corners]
-        return Candidates(torch.cat(corners, dim=-1), outputs.logits.sigmoid())
+        return torch.cat(corners, dim=-1)
+
+    def _embed(self, name: str) -> Tensor:
+        """Embed a name, (dim,), of norm 1; the same names are asked for again and again."""
+        if name not in self._embedded:
+            inputs = self.processor.tokenizer(
+                _query(name), padding="max_length", truncation=True, return_tensors="pt"
+            ).to(self.model.device)
+            owl = self.model.base_model
+            text = owl.text_projection(owl.text_model(**inputs).pooler_output)[0]
+            if len(self._embedded) >= MOST_NAMES:
+                self._embedded.clear()
+            self._embedded[name] = (text / text.norm()).cpu()
+        return self._embedded[name]
 
 
 class GroundingDinoCandidates:
@@ -184,27 +219,38 @@ class ZeroShotDetector(Detector):
         """See `detections.Detector`."""
         return self.candidates.can_read([object_name(name) for name in names])
 
-    def propose(self, observation: Mapping[str, Any], names: Sequence[Sequence[str]]) -> Candidates:
-        """See `detections.Detector`."""
-        images = observation[self.camera]
-        if images.dtype == torch.uint8:
-            images = images / 255
-        parts = [
-            self._propose(images[part], names[part])
-            for part in (
-                slice(first, first + IMAGES_AT_ONCE) for first in range(0, len(images), IMAGES_AT_ONCE)
-            )
-        ]
-        return Candidates(*(torch.cat(tensors) for tensors in zip(*parts, strict=True)))
+    @torch.no_grad()
+    def look(self, observation: Mapping[str, Any]) -> Look:
+        """See `detections.Detector`; for a few images, which are encoded at once."""
+        find = self.candidates
+        images = self._images(observation)
+        look = find.look(images) if isinstance(find, OwlCandidates) else partial(find, images)
+        return torch.no_grad()(lambda names: _inside(look(_full(names))))
 
     @torch.no_grad()
-    def _propose(self, images: Tensor, names: Sequence[Sequence[str]]) -> Candidates:
+    def propose(self, observation: Mapping[str, Any], names: Sequence[Sequence[str]]) -> Candidates:
+        """See `detections.Detector`."""
+        images, asked = self._images(observation), _full(names)
+        parts = (slice(first, first + IMAGES_AT_ONCE) for first in range(0, len(images), IMAGES_AT_ONCE))
+        found = [self.candidates(images[part], asked[part]) for part in parts]
+        return _inside(Candidates(*(torch.cat(tensors) for tensors in zip(*found, strict=True))))
+
+    def _images(self, observation: Mapping[str, Any]) -> Tensor:
+        """The camera's images, in [0, 1]; the model moves to where they are."""
+        images: Tensor = observation[self.camera]
         self.model.to(images.device)
-        full_names = [[object_name(name) for name in asked] for asked in names]
-        boxes, scores = self.candidates(images, full_names)
-        centre = (boxes[..., :2] + boxes[..., 2:]) / 2
-        inside = ((centre >= 0) & (centre <= 1)).all(dim=-1)
-        return Candidates(boxes, scores * inside[..., None])
+        return images / 255 if images.dtype == torch.uint8 else images
+
+
+def _full(names: Sequence[Sequence[str]]) -> list[list[str]]:
+    return [[object_name(name) for name in asked] for asked in names]
+
+
+def _inside(found: Candidates) -> Candidates:
+    """The same, with no score for a box whose middle is not in the image."""
+    centre = (found.box[..., :2] + found.box[..., 2:]) / 2
+    inside = ((centre >= 0) & (centre <= 1)).all(dim=-1)
+    return Candidates(found.box, found.score * inside[..., None])
 
 
 def to_image_coordinates(points: Tensor, height: int, width: int) -> Tensor:
