@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The mode execute: what a robot does about a command, and what it says."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, cast
 
@@ -10,27 +11,31 @@ from lerobot.utils.constants import OBS_STATE
 from torch import Tensor
 
 from .backbones.understanding import Understanding
-from .commands.answer import Target
+from .commands.answer import Request, Target
+from .commands.happened import Change
 from .commands.instruction import Instruction, TaskReader, spoken_of
 from .commands.parser import named_objects
+from .commands.replies import GOING_HOME
 from .configuration_crossmodal import NO_UNDERSTANDING, CrossmodalConfig
 from .data.start_pose import NEAR, is_far
-from .data.windows import first_pose, still
+from .data.windows import first_pose, samples_at, still
+from .execution import Execution, Next, carry_out
+from .look_again import Memory
 from .model.crossmodal_model import CrossmodalModel
-from .plans import Plans
 from .scene import Search
 from .validation import check_state, read_tasks
 from .visual_encoder import ObjectFinder, Sightings, VisualEncoder
+from .way_home import straight
 
 NO_OBJECTS_SEEN = "I hold still, because I see whole images and no objects: I know neither places nor names."
 
 
 class ExecutingPolicy(PreTrainedPolicy):
-    """Plans a movement once for each task, and then carries it out.
+    """Plans a whole movement, carries it out, goes home, and looks what has happened.
 
     Attributes:
-        responses: One sentence for each environment on the plan that was made last; empty before the first.
-            It says what the robot is going to do, not that it was done: nobody has looked yet.
+        responses: One sentence for each environment: before and in a movement what the robot is going to do,
+            after it what it sees that it did; empty before the first.
         rest_pose: Mean first pose of the training data, (joints,), scaled to [-1, 1].
         rest_tolerance: How far from it each joint may be when a plan begins, (joints,), scaled.
     """
@@ -55,14 +60,16 @@ class ExecutingPolicy(PreTrainedPolicy):
         super()._load_from_state_dict(state_dict, prefix, *args)
 
     def reset(self) -> None:
-        """Forget the plans: a new episode begins."""
-        self._plans = Plans()
+        """Forget what the robots are doing: a new episode begins."""
+        self._executions: list[Execution | None] = []
         self._spoken_of: list[Target | None] = []
         self.responses: list[str] = []
 
     def drop_queued_actions(self) -> None:
-        """Forget the plans: the next `select_action` makes new ones, from where the robot is then."""
-        self.reset()
+        """Stop: the next `select_action` plans anew, from where the robot is then."""
+        for execution in filter(None, self._executions):
+            execution.task = None
+        self.responses = []
 
     def _begin(self, mode: str) -> None:
         """Without dropout, and for nothing that was never learnt."""
@@ -71,7 +78,10 @@ class ExecutingPolicy(PreTrainedPolicy):
 
     @torch.no_grad()
     def select_action(self, batch: dict[str, Any], **kwargs: Any) -> Tensor:
-        """Return the next action of the plan; make a plan if there is none for this task.
+        """Return the next action; look and plan where a task is new, or something comes at a path's end.
+
+        A robot whose arms are not where movements begin goes home first. After a movement it goes home, looks
+        again, and says in `responses` what happened. Then it begins with what else it was asked for.
 
         Args:
             batch: Observation of a batch of environments, with their tasks in `task`. An environment whose
@@ -79,27 +89,36 @@ class ExecutingPolicy(PreTrainedPolicy):
             **kwargs: Not used.
 
         Returns:
-            (batch, joints), scaled to [-1, 1]. After the plan's end the last action is held.
+            (batch, joints), scaled to [-1, 1]. When all is done the last action is held.
         """
+        self._begin("execute")
         tasks = read_tasks(batch)
-        if not self._plans.fit(tasks):
-            plan = self.predict_action_chunk(batch)
-            self.responses = self._plans.renew(tasks, plan, self.responses)
-        return self._plans.next_action()
+        if len(self._executions) != len(tasks):
+            self.reset()
+            self._executions, self._spoken_of = [None] * len(tasks), [None] * len(tasks)
+        if len(self.responses) != len(tasks):
+            self.responses = [""] * len(tasks)
+        known = enumerate(zip(self._executions, tasks, strict=True))
+        due = [index for index, (each, task) in known if each is None or each.task != task or each.waits]
+        if due:
+            self._go_on(samples_at(batch, due), due)
+        if self.config.replan_every:
+            self._follow_things(batch)
+        return torch.stack([execution.next_action() for execution in self._executions if execution])
 
     @torch.no_grad()
     def predict_action_chunk(self, batch: dict[str, Any], **kwargs: Any) -> Tensor:
-        """Plan a whole episode for each environment, and note what to say about it in `responses`.
+        """Plan a movement for each environment, and note what to say about it in `responses`.
 
-        The robot holds still if it does not know the command, does not see the object, or is too far from
-        where the movements of the training data begin.
+        The robot holds still if it does not know the command, or does not see the object. If its arms are too
+        far from where the movements of the training data begin, the chunk is the way there.
 
         Args:
-            batch: Observation at the beginning of the episode, with the tasks in `task`.
+            batch: Observation at the beginning, with the tasks in `task`.
             **kwargs: Not used.
 
         Returns:
-            (batch, L, joints), scaled to [-1, 1].
+            (batch, L, joints), scaled to [-1, 1]; its end is held.
 
         Raises:
             ValueError: If there are other joints than in training, or a joint's position is not finite: then
@@ -107,45 +126,139 @@ class ExecutingPolicy(PreTrainedPolicy):
             FloatingPointError: If the plan is not finite.
         """
         self._begin("execute")
-        check_state(batch[OBS_STATE], self.config.action_feature.shape[0])
         tasks = read_tasks(batch)
         before = self._spoken_of if len(self._spoken_of) == len(tasks) else [None] * len(tasks)
         instructions = [self._instruct(*each) for each in zip(tasks, before, strict=True)]
+        begun = self._plan(batch, instructions, before, [None] * len(tasks))
+        self.responses = [execution.response for execution in begun]
+        self._spoken_of = [execution.spoken_of for execution in begun]
+        return torch.stack([execution.chunk(self.config.max_episode_steps) for execution in begun])
+
+    def _go_on(self, batch: dict[str, Any], due: Sequence[int]) -> None:
+        """Do what comes next for some environments, of which the batch is: its i-th sample is `due[i]`'s."""
+        last = [self._executions[index] for index in due]
+        changes = self._look_again(batch, last)
+        instructions = dict[int, Instruction]()
+        for sample, (index, task) in enumerate(zip(due, read_tasks(batch), strict=True)):
+            execution, change = last[sample], changes[sample]
+            self.responses[index] = ""
+            if execution is None or execution.task != task:
+                instructions[sample] = self._instruct(task, self._spoken_of[index])
+            elif execution.next is Next.PLAN:
+                instructions[sample] = execution.instruction
+            else:
+                execution.next = Next.NOTHING
+                self.responses[index] = execution.report(change)
+                if later := execution.instruction.later:
+                    read = self._reader.read_answer
+                    instructions[sample] = read(Request(later), True, self._spoken_of[index])
+        if not instructions:
+            return
+        chosen = [*instructions]
+        before = [self._spoken_of[due[sample]] for sample in chosen]
+        executions = self._plan(
+            samples_at(batch, chosen), [*instructions.values()], before, [last[sample] for sample in chosen]
+        )
+        for sample, execution in zip(chosen, executions, strict=True):
+            index = due[sample]
+            self._executions[index], self._spoken_of[index] = execution, execution.spoken_of
+            self.responses[index] = f"{self.responses[index]} {execution.response}".strip()
+
+    def _plan(
+        self,
+        batch: dict[str, Any],
+        instructions: Sequence[Instruction],
+        before: Sequence[Target | None],
+        last: Sequence[Execution | None],
+    ) -> list[Execution]:
+        """Look, and plan what each robot does about an instruction.
+
+        Args:
+            batch: Observations with their tasks.
+            instructions: One for each.
+            before: What was spoken of last.
+            last: What each robot did last; None if that is not known.
+        """
+        check_state(batch[OBS_STATE], self.config.action_feature.shape[0])
+        tasks, poses = read_tasks(batch), first_pose(batch)
+        far = is_far(batch[OBS_STATE], self.rest_pose, self.rest_tolerance).tolist()
+        goes_home = [
+            is_far_off and instruction.verb is not None and not (execution and execution.next is Next.PLAN)
+            for is_far_off, instruction, execution in zip(far, instructions, last, strict=True)
+        ]
+        # Who goes home first looks there.
         searches = [
-            Search(each.target, last, takes_best=each.trained, wants_report=each.wants_report)
-            for each, last in zip(instructions, before, strict=True)
+            Search(None)
+            if home
+            else Search(each.target, spoken, takes_best=each.trained, wants_report=each.wants_report)
+            for each, spoken, home in zip(instructions, before, goes_home, strict=True)
         ]
         seen = self._look(batch, searches)
-        far = is_far(batch[OBS_STATE], self.rest_pose, self.rest_tolerance).tolist()
-        facts = zip(instructions, seen.problems, far, strict=True)
-        obstacles = [instruction.obstacle(problem, is_far_off) for instruction, problem, is_far_off in facts]
-        answers = zip(obstacles, instructions, seen.names, strict=True)
-        self.responses = [obstacle or instruction.intention(name) for obstacle, instruction, name in answers]
-        self._spoken_of = [
-            last if obstacle else spoken_of(instruction.target, name)
-            for obstacle, instruction, name, last in zip(
-                obstacles, instructions, seen.names, before, strict=True
-            )
-        ]
-        pose = first_pose(batch)
         prompts = [instruction.prompt for instruction in instructions]
-        actions = self.model.plan(prompts, seen.features, still(pose), self.config.max_episode_steps)
-        moves = torch.tensor([not obstacle for obstacle in obstacles], device=pose.device)
-        return torch.where(moves[:, None, None], actions, pose[:, None])
+        plans = self.model.plan(prompts, seen.features, still(poses), self.config.max_episode_steps)
+        executions = []
+        for sample, (task, instruction, pose) in enumerate(zip(tasks, instructions, poses, strict=True)):
+            known = (task, instruction, pose)
+            if goes_home[sample]:
+                execution = last[sample]
+                way = (
+                    execution.way_home(pose, self.rest_pose) if execution else straight(pose, self.rest_pose)
+                )
+                executions.append(Execution(*known, way, GOING_HOME, before[sample], Next.PLAN))
+            elif obstacle := instruction.obstacle(seen.problems[sample], far[sample]):
+                executions.append(Execution(*known, pose[None], obstacle, before[sample]))
+            else:
+                name, memory = seen.names[sample], seen.memories[sample]
+                spoken = spoken_of(instruction.target, name)
+                said = instruction.intention(name)
+                executions.append(carry_out(*known, plans[sample], said, spoken, memory))
+        return executions
 
     def _look(self, batch: dict[str, Any], searches: list[Search]) -> Sightings:
         """Find what is meant. Without a detector, what a name means is for the network to tell."""
         if self.visual.names_objects:
-            labels = named_objects(self.config.tasks or [])
             finder = cast(ObjectFinder, self.visual)
-            return finder.find(batch, searches, labels, self._in_english)
+            return finder.find(batch, searches, self._labels, self._in_english)
         names = [search.target.phrase if search.target else "" for search in searches]
         problems = [NO_OBJECTS_SEEN if search.needs_objects else "" for search in searches]
-        return Sightings(self.visual.encode(batch, names).features[:, :1], names, problems)
+        return Sightings(
+            self.visual.encode(batch, names).features[:, :1], names, problems, [None] * len(names)
+        )
+
+    def _look_again(
+        self, batch: dict[str, Any], executions: Sequence[Execution | None]
+    ) -> list[Change | None]:
+        """What has changed for those whose movement is over; None for the others."""
+        memories = [each.memory if each and each.waits else None for each in executions]
+        if not any(memories):
+            return [None] * len(memories)
+        finder = cast(ObjectFinder, self.visual)
+        return finder.compare(batch, memories, self._labels, self._in_english)
+
+    def _follow_things(self, batch: dict[str, Any]) -> None:
+        """Pass over to new plans where a thing is elsewhere now that is about to be moved."""
+        every = self.config.replan_every
+        moving = [
+            index
+            for index, execution in enumerate(self._executions)
+            if execution and execution.memory and execution.is_time_to_look(every)
+        ]
+        if not moving:
+            return
+        executions = [cast(Execution, self._executions[index]) for index in moving]
+        finder, now = cast(ObjectFinder, self.visual), samples_at(batch, moving)
+        memories = [cast(Memory, execution.memory) for execution in executions]
+        seen = finder.follow(now, memories, self._labels, self._in_english)
+        starts = torch.stack([execution.start for execution in executions])
+        prompts = [execution.instruction.prompt for execution in executions]
+        plans = self.model.plan(prompts, seen.features, still(starts), self.config.max_episode_steps)
+        for execution, plan, memory in zip(executions, plans, seen.memories, strict=True):
+            if memory:
+                execution.change_plan(plan, memory)
 
     def _instruct(self, task: str, before: Target | None) -> Instruction:
         """What a task asks for; `before` was spoken of last."""
-        reader = TaskReader(tuple(self.config.tasks or ()), self.visual.names_objects)
+        reader = self._reader
         instruction = reader.read_task(task)
         if instruction is not None:
             return instruction
@@ -153,6 +266,14 @@ class ExecutingPolicy(PreTrainedPolicy):
             return reader.read_words(task)
         understood = self._understanding(task)
         return reader.read_answer(understood.answer, understood.sure, before, understood.unknown)
+
+    @property
+    def _reader(self) -> TaskReader:
+        return TaskReader(tuple(self.config.tasks or ()), self.visual.names_objects)
+
+    @property
+    def _labels(self) -> list[str]:
+        return named_objects(self.config.tasks or [])
 
     def _in_english(self, name: str) -> str:
         return self._understanding.in_english(name) if self._understanding else name

@@ -8,11 +8,11 @@ from typing import Any
 
 from torch import Tensor
 
-from .backbones.detections import Detector
+from .backbones.detections import Detector, Look
 from .commands.answer import Landmark, Target
 from .commands.colours import COLOURS, basic_colour, split_colour
 from .commands.parser import object_name, with_article
-from .commands.referring import Place, are_apart, matching, side_of
+from .commands.referring import Place, are_apart, distance, matching, side_of
 from .commands.replies import listed
 from .commands.vocabulary import THINGS
 
@@ -37,6 +37,14 @@ class Thing:
         """Where it stands."""
         left, _, right, lower = self.box.tolist()
         return Place((left + right) / 2, lower)
+
+    def distance(self, other: "Thing") -> float:
+        """How far apart two things stand, as a share of the image."""
+        return distance(self.place, other.place)
+
+    def apart_from(self, other: "Thing") -> bool:
+        """Whether it is another thing at another place."""
+        return are_apart(self.place, other.place)
 
 
 @dataclass(frozen=True)
@@ -92,9 +100,13 @@ class Scene:
         labels: Sequence[str],
         in_english: Callable[[str], str],
     ) -> None:
-        self._detector, self._look = detector, detector.look(observation)
+        self._detector, self._observation = detector, observation
         self._labels = [*dict.fromkeys([*map(object_name, labels), *THINGS])]
         self._in_english = in_english
+
+    @cached_property
+    def _look(self) -> Look:
+        return self._detector.look(self._observation)
 
     def find(self, search: Search) -> Found:
         """Find the one thing that is meant, or say what is seen."""
@@ -138,6 +150,10 @@ class Scene:
         best = found.score.argmax(dim=1).tolist()
         things = [Thing(self._labels[label], found.box[place, label]) for place, label in enumerate(best)]
         return sorted(things, key=lambda thing: thing.place.x)
+
+    def called(self, name: str) -> list[Thing]:
+        """All things that fit an English name, such as "red cube"; what fits best comes first."""
+        return self._called(name, "")
 
     def _called_in_any_language(self, name: str, colour: str) -> list[Thing]:
         """All things of a name that was said in English or German, in a colour if one is given."""
@@ -200,7 +216,7 @@ class Scene:
 
     def _label(self, thing: Thing) -> str:
         """The best label of what stands at a thing's place."""
-        there = (other.name for other in self.things if not are_apart(other.place, thing.place))
+        there = (other.name for other in self.things if not other.apart_from(thing))
         return next(there, thing.name)
 
 
@@ -208,7 +224,7 @@ def _apart(things: Sequence[Thing]) -> list[Thing]:
     """The same, each place once."""
     kept: list[Thing] = []
     for thing in things:
-        if all(are_apart(thing.place, other.place) for other in kept):
+        if all(thing.apart_from(other) for other in kept):
             kept.append(thing)
     return kept
 

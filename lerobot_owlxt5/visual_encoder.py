@@ -6,8 +6,10 @@ from typing import Any, NamedTuple, Protocol
 
 from torch import Tensor
 
+from .commands.happened import Change
 from .commands.replies import NOTHING_KNOWN, NOTHING_MOVED
 from .data.episode_store import EpisodeStore
+from .look_again import Memory
 from .scene import Search
 
 
@@ -52,11 +54,13 @@ class Sightings(NamedTuple):
         features: As in `VisualInput`, of one step.
         names: What to call the thing that is meant, or empty.
         problems: Why it is not clear which thing is meant, a sentence each; empty where it is.
+        memories: What was seen; None where no thing was found, or nobody can compare.
     """
 
     features: Tensor
     names: list[str]
     problems: list[str]
+    memories: list[Memory | None]
 
 
 class VisualEncoder(Protocol):
@@ -111,3 +115,21 @@ class ObjectFinder(VisualEncoder, Protocol):
             labels: Names of what may be there.
             in_english: What a name is called in English.
         """
+
+    def compare(
+        self,
+        batch: Mapping[str, Any],
+        memories: Sequence[Memory | None],
+        labels: Sequence[str],
+        in_english: Callable[[str], str],
+    ) -> list[Change | None]:
+        """See what has changed since something was seen, None where nothing was; otherwise as `find`."""
+
+    def follow(
+        self,
+        batch: Mapping[str, Any],
+        memories: Sequence[Memory],
+        labels: Sequence[str],
+        in_english: Callable[[str], str],
+    ) -> Sightings:
+        """Find things that are elsewhere now; others have no memory then; else as `find`."""

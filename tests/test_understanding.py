@@ -131,12 +131,12 @@ def test_it_is_what_was_spoken_of_before() -> None:
     assert (instruction.target, instruction.prompt) == (Target("mug"), "execute: pull red")
 
 
-def test_of_several_wishes_the_first_is_carried_out_and_the_others_are_named() -> None:
+def test_of_several_wishes_the_first_is_carried_out_first_and_the_others_are_named() -> None:
     request = Request((BALL.actions[0], Action("slide-to-left", Target("", "red", side="left"))))
     instruction = READER.read_answer(request, sure=True, before=None)
     assert instruction.target == Target("ball")
     assert instruction.intention("ball") == (
-        "I will push the ball first. Ask me again to slide the left red one to the left."
+        "I will push the ball, and then slide the left red one to the left."
     )
 
 

@@ -31,7 +31,7 @@ class Instruction:
         verb: How to move it, one of `VERBS`; None for a task of other training data.
         reply: What is said in place of a movement; empty if there is something to do.
         wants_report: Whether a look at the table is the reply.
-        later: What was asked for besides, and is not done yet.
+        later: What was asked for besides, to be done after it.
         trained: Whether it is a task of the training data, which is carried out as it was trained.
     """
 
@@ -67,7 +67,7 @@ class Instruction:
         if not self.later:
             return f"{first}."
         more = " and then ".join(in_words(action) for action in self.later)
-        return f"{first} first. Ask me again to {more}."
+        return f"{first}, and then {more}."
 
 
 @dataclass(frozen=True)

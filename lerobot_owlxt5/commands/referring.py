@@ -55,7 +55,7 @@ def matching(
 
 def are_apart(place: Place, other: Place) -> bool:
     """Whether two things stand at different places."""
-    return _distance(place, other) > APART
+    return distance(place, other) > APART
 
 
 def side_of(place: Place) -> str:
@@ -93,9 +93,10 @@ def _related(relation: Relation, places: dict[int, Place], landmarks: Sequence[P
     others = {index: place for index, place in places.items() if are_apart(place, mark)}
     if relation.kind in apart:
         return [index for index, place in others.items() if apart[relation.kind](place) > APART]
-    nearest = min((_distance(place, mark) for place in others.values()), default=0.0)
-    return [index for index, place in others.items() if _distance(place, mark) <= NEXT * nearest]
+    nearest = min((distance(place, mark) for place in others.values()), default=0.0)
+    return [index for index, place in others.items() if distance(place, mark) <= NEXT * nearest]
 
 
-def _distance(place: Place, other: Place) -> float:
+def distance(place: Place, other: Place) -> float:
+    """How far apart two places are, as a share of the image."""
     return ((place.x - other.x) ** 2 + (place.y - other.y) ** 2) ** 0.5

@@ -7,6 +7,9 @@ for each verb (`nico_tabletop.tasks`), because neither package knows the other. 
 
 from dataclasses import dataclass
 
+WAYS = AWAY, CLOSER, LEFT, RIGHT = "away from me", "closer to me", "to the left", "to the right"
+"""Where a thing may go, as the robot sees it."""
+
 
 @dataclass(frozen=True)
 class Verb:
@@ -16,6 +19,8 @@ class Verb:
         name: CLANT's canonical verb.
         synonym: CLANT's other word for it.
         imperative: How it is asked about and announced, with a place for the object.
+        past: The same when it is done.
+        way: Where the object has gone then, one of `WAYS`.
         phrases: What may stand for it. A phrase that several verbs have leaves the choice to a direction.
         directions: What says the direction, before or behind the object.
         unseen: Phrases that no dataset has, with a place for the object, for `owlxt5-evaluate --robustness`.
@@ -24,6 +29,8 @@ class Verb:
     name: str
     synonym: str
     imperative: str
+    past: str
+    way: str
     phrases: tuple[str, ...]
     directions: tuple[str, ...]
     unseen: tuple[str, ...]
@@ -40,6 +47,8 @@ def _slide(side: str) -> Verb:
         name=f"slide-to-{side}",
         synonym=f"move-sideways-to-{side}",
         imperative=f"slide {{}} to the {side}",
+        past=f"slid {{}} to the {side}",
+        way={"left": LEFT, "right": RIGHT}[side],
         phrases=(f"slide to {side}", f"move sideways to {side}", *_SIDEWAYS),
         directions=(
             *(f"{words}{side}" for words in towards),
@@ -61,6 +70,8 @@ VERBS: dict[str, Verb] = {
             name="push",
             synonym="move-up",
             imperative="push {}",
+            past="pushed {}",
+            way=AWAY,
             phrases=("push", "shove", "thrust", "move up", "move forward", "move away", *_ANY),
             directions=(
                 *("up", "upward", "upwards", "forward", "forwards", "ahead"),
@@ -72,6 +83,8 @@ VERBS: dict[str, Verb] = {
             name="pull",
             synonym="move-down",
             imperative="pull {}",
+            past="pulled {}",
+            way=CLOSER,
             phrases=("pull", "drag", "tug", "draw", "move down", *_ANY),
             directions=(
                 *("down", "downward", "downwards", "back", "backward", "backwards", "closer", "nearer"),

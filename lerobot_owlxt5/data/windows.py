@@ -95,6 +95,15 @@ def observation_at(batch: Mapping[str, Any], step: int) -> dict[str, Tensor]:
     }
 
 
+def samples_at(batch: Mapping[str, Any], chosen: Sequence[int]) -> dict[str, Any]:
+    """Some samples of a batch: of its tensors and of its tasks."""
+    return {
+        key: value[[*chosen]] if isinstance(value, Tensor) else [value[index] for index in chosen]
+        for key, value in batch.items()
+        if isinstance(value, Tensor | list)
+    }
+
+
 def finished_episode(
     observations: Sequence[Mapping[str, Any]], actions: Sequence[Tensor], max_episode_steps: int
 ) -> dict[str, Any]:

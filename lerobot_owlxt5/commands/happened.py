@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a robot saw happen after a movement, and how it says so: it claims no success that it did not see."""
+
+from dataclasses import dataclass
+
+from .parser import object_name
+from .replies import listed, verb_phrase
+from .verbs import VERBS
+
+
+@dataclass(frozen=True)
+class Change:
+    """What is different after a movement.
+
+    Attributes:
+        way: Where the thing went that was meant, one of `WAYS`; empty if it stands where it stood; None if
+            it is not seen any more.
+        fell: Whether it lies now and stood before.
+        others: Names of other things that are elsewhere now.
+    """
+
+    way: str | None
+    fell: bool = False
+    others: tuple[str, ...] = ()
+
+    def report(self, verb: str, name: str) -> str:
+        """Say what happened, in the past tense.
+
+        Args:
+            verb: What was to be done, one of `VERBS`.
+            name: What the thing is called.
+        """
+        the_thing = f"the {object_name(name)}"
+        if self.way == VERBS[verb].way:
+            said = f"I {VERBS[verb].past.format(the_thing)}"
+        else:
+            tried = f"I tried to {verb_phrase(verb, the_thing)}, but"
+            what = (
+                "I cannot see it any more" if self.way is None else f"it moved {self.way}" if self.way else ""
+            )
+            said = f"{tried} {what or 'it did not move'}"
+        also = [f"the {object_name(other)}" for other in self.others]
+        more = ["and it fell over"] if self.fell else []
+        more += [f"and {listed(also, 'and')} moved too"] if also else []
+        return ", ".join([said, *more]) + "."

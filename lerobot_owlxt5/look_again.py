@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A second look, after a movement: what stands elsewhere now.
+
+The arms are at home in both images, so what did not move looks the same. Measured with the embedded detector
+on 863 things that nobody touched: their places differ by at most 0.004 of the image in 99.5 % of the pairs.
+They differ by at least 0.007 where a thing moved by 5 mm, and by 0.02 where it moved by 1 cm.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .commands.happened import Change
+from .commands.verbs import AWAY, CLOSER, LEFT, RIGHT
+from .scene import Scene, Thing
+
+STILL, OTHER_STILL = 0.007, 0.012
+"""What is nearer to its old place did not move: the thing that was meant, and others."""
+# A thing that fell is flatter: its box has less than this share of its height over width before.
+_FLATTER, _UPRIGHT = 0.7, 1.1
+# A thing that is seen whole keeps its size but for this share.
+_SAME_SIZE = 0.25
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What was seen before a movement.
+
+    Attributes:
+        thing: What was to be moved.
+        others: All other things.
+    """
+
+    thing: Thing
+    others: tuple[Thing, ...]
+
+
+def remember(scene: Scene, thing: Thing) -> Memory:
+    """Note what is seen, and which of it is meant."""
+    return Memory(thing, tuple(other for other in scene.things if other.apart_from(thing)))
+
+
+def changed(memory: Memory, scene: Scene) -> Change:
+    """Compare what is seen now with what was seen before."""
+    old, alike = memory.thing, scene.called(memory.thing.name)
+    seen = [*alike, *scene.things]
+    new = [thing for thing in scene.things if all(_elsewhere(thing, other) for other in memory.others)]
+    there = [thing for thing in alike if all(_elsewhere(thing, other) for other in memory.others)] or new
+    now = min(seen if _stands(old, seen) else there, key=old.distance, default=None)
+    left = [thing for thing in new if now is None or thing.apart_from(now)]
+    return Change(
+        None if now is None else "" if _stands(old, seen) else _way(old, now),
+        fell=now is not None and _flatness(old) > _UPRIGHT and _flatness(now) < _FLATTER * _flatness(old),
+        others=_moved(memory.others, seen, len(left)),
+    )
+
+
+def displaced(memory: Memory, scene: Scene) -> Thing | None:
+    """The thing that was meant, if it is seen elsewhere now, and whole; else an arm may hide it: None."""
+    old = memory.thing
+    alike = scene.called(old.name)
+    if any(thing.distance(old) < OTHER_STILL for thing in alike):
+        return None
+    there = [thing for thing in alike if all(_elsewhere(thing, other) for other in memory.others)]
+    now = min(there, key=old.distance, default=None)
+    whole = now is not None and abs(_area(now) / _area(old) - 1) < _SAME_SIZE
+    return now if whole else None
+
+
+def _stands(thing: Thing, seen: Sequence[Thing]) -> bool:
+    return any(thing.distance(other) < STILL for other in seen)
+
+
+def _elsewhere(thing: Thing, other: Thing) -> bool:
+    return thing.distance(other) >= OTHER_STILL
+
+
+def _moved(others: Sequence[Thing], seen: Sequence[Thing], at_new_places: int) -> tuple[str, ...]:
+    """Names of what left its place, no more than were seen at new ones: what moved may hide what did not."""
+    gone = [other for other in others if all(_elsewhere(thing, other) for thing in seen)]
+    return tuple(other.name for other in gone[:at_new_places])
+
+
+def _way(old: Thing, now: Thing) -> str:
+    """Where a thing went: in the image away is up."""
+    right, down = now.place.x - old.place.x, now.place.y - old.place.y
+    if abs(right) > abs(down):
+        return RIGHT if right > 0 else LEFT
+    return CLOSER if down > 0 else AWAY
+
+
+def _flatness(thing: Thing) -> float:
+    left, upper, right, lower = thing.box.tolist()
+    return (lower - upper) / max(right - left, 1e-6)
+
+
+def _area(thing: Thing) -> float:
+    left, upper, right, lower = thing.box.tolist()
+    return max((right - left) * (lower - upper), 1e-9)
