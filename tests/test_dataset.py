@@ -3,9 +3,11 @@
 
 import json
 import pickle
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
+import draccus
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -14,16 +16,20 @@ from lerobot.datasets import LeRobotDataset
 from lerobot.datasets.io_utils import write_table_one_row_group_per_episode
 
 from clant_claeo.builder import build_dataset
+from clant_claeo.card import read_build
+from clant_claeo.cli import DatasetConfig
 from clant_claeo.demonstrations import from_release, scripted
 from clant_claeo.release import Release
 from clant_claeo.sentences import named_thing
 from commands import run, run_anyway
+from nico_tabletop.configuration import ClantEnvConfig
 from nico_tabletop.env import NAME_BYTES
 from nico_tabletop.objects import read_objects
 from nico_tabletop.placement import Pose
 from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES
 from nico_tabletop.scoring import Outcome
 from nico_tabletop.tasks import ACTIONS
+from nico_tabletop.variation import Conditions, Variation
 from test_release import replace_line, write_release
 
 pytestmark = pytest.mark.slow  # starts builds
@@ -163,6 +169,60 @@ def test_the_command_places_objects_freely(tmp_path: Path):
     assert "pretrained_model --env.type=clant --env.placement=free\n" in card
     boxes = np.stack(starts).reshape(-1, 3, 4 + NAME_BYTES)[:, :, :4]
     assert len(np.unique(boxes[:, 0], axis=0)) == dataset.num_episodes
+
+
+def test_conditions_are_drawn_per_demonstration_and_leave_the_poses_alone():
+    plain = list(scripted("claeo", "free", 3))
+    varied, again, other = (
+        list(scripted("claeo", "free", seed, Variation(arms_deg=5, light=0.5))) for seed in (3, 3, 4)
+    )
+    assert [d.poses for d in varied] == [d.poses for d in plain]
+    assert [d.translation for d in varied] == [d.translation for d in plain]
+    assert {d.conditions for d in plain} == {Conditions()}
+    assert [d.conditions for d in varied] == [d.conditions for d in again]
+    assert len({d.conditions for d in varied + other}) == 2 * 1440
+    np.testing.assert_array_equal(varied[0].joints[0], varied[0].conditions.start_pose_deg)
+    assert (varied[0].joints[0] != plain[0].joints[0]).any()
+
+
+def test_the_command_varies_what_is_seen_and_where_it_starts(tmp_path: Path):
+    root = tmp_path / "varied"
+    varied = ("--variation.arms_deg=5", "--variation.shift_cm=1", "--variation.light=0.5")
+    run("owlxt5-dataset", *varied, "--variation.table=true", "--variation.jpeg=60", f"--root={root}", *SMALL)
+    dataset = LeRobotDataset("local/clant", root=root, video_backend="pyav")
+    starts = list(dataset.meta.episodes["dataset_from_index"])
+    demonstrations = {
+        demonstration.task: demonstration
+        for demonstration in scripted("clant", variation=Variation(5, 1, light=0.5, table=True, jpeg=60))
+        if demonstration.arrangement == ("blue", "cyan", "green")
+    }
+    for start in starts:
+        demonstration = demonstrations[dataset[start]["task"]]
+        [scene] = map(json.loads, language(dataset, start)["scene"])
+        assert scene["conditions"].keys() == {"arms_deg", "shift_cm", "light", "table", "jpeg"}
+        assert scene["conditions"] == json.loads(json.dumps(demonstration.conditions.facts()))
+        state = dataset.hf_dataset[start]["observation.state"].numpy()
+        np.testing.assert_allclose(state, demonstration.conditions.start_pose_deg, atol=1e-5)
+    brightness = [float(dataset[start]["observation.images.eyes"].mean()) for start in starts]
+    assert max(brightness) > 1.2 * min(brightness)
+    build = read_build(root)
+    assert build is not None
+    _, *words = shlex.split(build.command)
+    typed = draccus.parse(DatasetConfig, args=words)
+    assert typed.variation == Variation(5, 1, light=0.5, table=True, jpeg=60)
+    evaluation = [word.removeprefix("--env.") for word in shlex.split(build.environment)[1:]]
+    assert (
+        draccus.parse(ClantEnvConfig, args=[f"--{word}" for word in evaluation]).variation == typed.variation
+    )
+    assert f"pretrained_model {build.environment}\n" in (root / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_releases_images_may_vary_and_its_movements_not(clant_release: Release):
+    varied = list(from_release(clant_release, variation=Variation(light=0.5, noise=5)))
+    assert len({demonstration.conditions for demonstration in varied}) == 1440
+    for variation in (Variation(arms_deg=5), Variation(shift_cm=1)):
+        with pytest.raises(ValueError, match=r"variation\.shift_cm need --source=scripted"):
+            next(from_release(clant_release, variation=variation))
 
 
 def test_demonstrations_that_fail_are_not_written(tmp_path: Path):

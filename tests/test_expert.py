@@ -14,10 +14,12 @@ from nico_tabletop.replay import replay
 from nico_tabletop.robot import INITIAL_POSE_DEG, joint_limits_deg
 from nico_tabletop.scoring import Outcome
 from nico_tabletop.simulation import CONTROL_HZ, TabletopSimulation
+from nico_tabletop.starts import draw_conditions
 from nico_tabletop.tasks import ACTIONS, SLOTS, VERBS, Action, find_action
+from nico_tabletop.variation import Conditions, Variation
 
 pytest.importorskip("mink", reason="the scripted expert needs the extra `scripted`")
-from clant_claeo.expert import GRIPS, plan
+from clant_claeo.expert import GRIPS, _Arm, plan
 
 pytestmark = pytest.mark.slow  # moves the arms a thousand times
 
@@ -111,6 +113,38 @@ def test_the_other_arm_acts_where_the_first_would_touch_an_object(simulation: Ta
     in_the_way = (Pose(0.40, 0.15), Pose(0.40, 0.0), Pose(0.33, -0.10))
     assert acts(plan(action, in_the_way)) == ["left"]
     assert act(simulation, action, in_the_way) == Outcome.PERFECT
+
+
+@pytest.mark.parametrize("placement", ["slots", "free"])
+def test_arms_may_start_elsewhere(simulation: TabletopSimulation, placement: str) -> None:
+    outcomes = []
+    for number, action in enumerate(ACTIONS):
+        poses = SLOT_POSES if placement == "slots" else free_poses(number)
+        conditions = draw_conditions(Variation(arms_deg=10), poses, np.random.default_rng((6, number)))
+        rows = plan(action, poses, conditions.start_pose_deg)
+        assert 40 <= len(rows) <= 85
+        np.testing.assert_array_equal(rows[0], conditions.start_pose_deg)
+        assert np.abs(np.diff(rows, axis=0)).max() * CONTROL_HZ <= 60.1
+        usual = plan(action, poses)
+        [resting] = ARMS.keys() - acts(usual)
+        np.testing.assert_allclose(rows[-1, ARMS[resting]], INITIAL_POSE_DEG[ARMS[resting]], atol=1e-9)
+        simulation.reset(tuple(simulation.objects)[: len(SLOTS)], poses, conditions)
+        outcomes.append(replay(simulation, action, rows))
+    assert outcomes.count(Outcome.PERFECT) == len(outcomes), outcomes
+
+
+def test_the_acting_arm_rises_straight_up_from_where_it_starts() -> None:
+    start = Conditions(arms_deg=(4.0, -3, 5, 6, 5) * 2).start_pose_deg
+    rows = plan(find_action("PUSH-R"), SLOT_POSES, start)
+    before, risen = (_Arm("right", row).fingertips for row in rows[[0, 7]])  # 0.7 s
+    x, y, z = risen - before
+    # Joint speeds and limits bend the way a little, as from the initial pose.
+    assert z > 0.03 and np.hypot(x, y) < z / 2
+
+
+def test_the_initial_pose_is_the_usual_start() -> None:
+    action = find_action("PULL-L")
+    np.testing.assert_array_equal(plan(action, SLOT_POSES, INITIAL_POSE_DEG), plan(action, SLOT_POSES))
 
 
 def test_plan_is_deterministic() -> None:

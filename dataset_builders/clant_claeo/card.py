@@ -3,7 +3,8 @@
 
 import json
 import shlex
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -54,6 +55,7 @@ class Build:
         release: Made from the original release, which states no licence; from a script of our own otherwise.
         command: The command that makes it, without any path of the machine that it ran on.
         versions: The packages that made it, such as `mujoco 4.0.0`.
+        variation: How much its scenes may differ from the paper's setting: `Variation.options`.
     """
 
     objects: str
@@ -61,6 +63,7 @@ class Build:
     release: bool
     command: str
     versions: str = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
+    variation: dict[str, Any] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -69,14 +72,23 @@ class Build:
 
     @property
     def environment(self) -> str:
-        """Options of `lerobot-eval` for an environment with the same objects in the same places."""
+        """Options of `lerobot-eval` for an environment with the same objects, places and variation."""
         own_type = self.objects in ("clant", "claeo")
-        options = [f"--env.type={self.objects if own_type else 'clant'}"]
+        options = {"env.type": self.objects if own_type else "clant"}
         if not own_type:
-            options.append(f"--env.objects={self.objects}")
+            options["env.objects"] = self.objects
         if self.placement != "slots":
-            options.append(f"--env.placement={self.placement}")
-        return shlex.join(options)
+            options["env.placement"] = self.placement
+        options |= {f"env.variation.{name}": value for name, value in self.variation.items()}
+        return shlex.join(as_words(options))
+
+
+def as_words(options: Mapping[str, Any]) -> list[str]:
+    """Options of a command, as they are typed: `--name=value`, with `true` and `false`."""
+    return [
+        f"--{name}={str(value).lower() if isinstance(value, bool) else value}"
+        for name, value in options.items()
+    ]
 
 
 def read_build(root: Path) -> Build | None:
@@ -132,6 +144,7 @@ def write_card(root: Path, repo_id: str, build: Build) -> None:
         stand_ins=build.objects != "clant",
         environment=build.environment,
         release=build.release,
+        variation=build.variation,
         command=build.command,
         versions=build.versions,
         episodes=meta.total_episodes,

@@ -4,8 +4,9 @@
 import os
 import shlex
 import sys
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
+from typing import Any
 
 from lerobot.datasets import LeRobotDatasetMetadata
 from lerobot.utils.constants import HF_LEROBOT_HOME
@@ -16,9 +17,10 @@ from lerobot_owlxt5.command_line import check_numbers, command
 from nico_tabletop.drawing import DrawingError, check_image_size
 from nico_tabletop.objects import read_objects
 from nico_tabletop.scoring import Outcome
+from nico_tabletop.variation import Variation
 
 from .builder import BuildError, build_dataset
-from .card import Build, read_build, train_command, write_card
+from .card import Build, as_words, read_build, train_command, write_card
 from .demonstrations import Demonstration, from_release, scripted
 from .hub import HubError, create_repository, upload
 from .release import read_release
@@ -34,7 +36,9 @@ class DatasetConfig:
     source: str = "scripted"
     # Where the scripted expert's objects stand: `slots`, or `free`: anywhere in reach, at any yaw.
     placement: str = "slots"
-    # Seed of the free placement, and of the scripted source's sentences to translate.
+    # How much each demonstration may differ from the paper's setting, such as `--variation.arms_deg=5`.
+    variation: Variation = field(default_factory=Variation)
+    # Seed of the free placement, of the variation, and of the scripted source's sentences to translate.
     seed: int = 0
     # Name on the Hub; `local/<objects>` when unset.
     repo_id: str | None = None
@@ -68,24 +72,26 @@ _WITHOUT_EFFECT = {"repo_id", "root", "workers", "push_to_hub", "private"}
 
 def _command(config: DatasetConfig) -> str:
     """The command that makes the same dataset elsewhere; of a path it has the name alone."""
-    words = ["owlxt5-dataset", f"--objects={config.shown_objects}"]
-    for field in fields(config):
-        value = getattr(config, field.name)
-        if field.name in _WITHOUT_EFFECT | {"objects"} or value == field.default:
+    options: dict[str, Any] = {"objects": config.shown_objects}
+    for option in fields(config):
+        value = getattr(config, option.name)
+        if option.name in _WITHOUT_EFFECT | {"objects"} or value == option.default:
             continue
-        if field.name == "source":
-            value = "path/to/CLANT"
-        words.append(f"--{field.name}={str(value).lower() if isinstance(value, bool) else value}")
-    return shlex.join(words)
+        if option.name == "variation":
+            options |= {f"variation.{name}": each for name, each in value.options().items()}
+        else:
+            options[option.name] = "path/to/CLANT" if option.name == "source" else value
+    return shlex.join(["owlxt5-dataset", *as_words(options)])
 
 
 def _demonstrations(config: DatasetConfig) -> list[Demonstration]:
     if config.source == "scripted":
-        found = list(scripted(config.objects, config.placement, config.seed))
+        found = list(scripted(config.objects, config.placement, config.seed, config.variation))
     elif config.placement != "slots":
         raise ValueError("the release's trajectories fit its slots: --placement=free needs --source=scripted")
     else:
-        found = list(from_release(read_release(config.source), config.objects))
+        release = read_release(config.source)
+        found = list(from_release(release, config.objects, config.variation, config.seed))
     if config.arrangements is None:
         return found
     known = list(dict.fromkeys(demonstration.arrangement for demonstration in found))
@@ -161,7 +167,13 @@ def _private(config: DatasetConfig) -> bool:
 def _make(config: DatasetConfig) -> None:
     _check(config)
     console = Console()
-    record = Build(config.shown_objects, config.placement, config.source != "scripted", _command(config))
+    record = Build(
+        config.shown_objects,
+        config.placement,
+        config.source != "scripted",
+        _command(config),
+        variation=config.variation.options(),
+    )
     repo_id = config.repo_id or f"local/{record.name}"
     root = config.root or HF_LEROBOT_HOME / repo_id
     built = read_build(root) if config.push_to_hub else None

@@ -2,7 +2,7 @@
 """What is demonstrated: action, objects, joint trajectory and language, from the release or from a script."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -10,22 +10,24 @@ from numpy.typing import NDArray
 
 from nico_tabletop.objects import read_objects
 from nico_tabletop.placement import SLOT_POSES, Poses, find_placement
+from nico_tabletop.starts import draw_conditions
 from nico_tabletop.tasks import ACTIONS, Action, arrangements, find_action
+from nico_tabletop.variation import Conditions, Variation
 
 from .release import Arrangement, Release, Split
 from .sentences import sentence_about
 from .wordings import wordings
 
 _ARRANGEMENTS = 120  # of CLANT: all ordered triples of its six cubes
-_OF_SENTENCES = 1  # tells their random numbers from those of the poses
+_OF_SENTENCES, _OF_CONDITIONS = 1, 2  # tell their random numbers from those of the poses
 
 
 # The slots are the same in all arrangements: twelve plans serve 1440 demonstrations.
 @lru_cache(maxsize=len(ACTIONS))
-def _planned(action: Action, poses: Poses) -> NDArray[np.float64]:
+def _planned(action: Action, poses: Poses, conditions: Conditions) -> NDArray[np.float64]:
     from .expert import plan
 
-    return plan(action, poses)
+    return plan(action, conditions.shifted(poses), conditions.start_pose_deg)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +37,12 @@ class Demonstration:
     Attributes:
         action: What is done, and on which slot.
         arrangement: Names of the left, middle and right object.
-        poses: Where they stand.
+        poses: Where they are placed.
         recorded: The release's trajectory, see `joints`; None: the expert plans one when it is asked for.
         wordings: The accepted commands, the canonical one first.
         translation: An English sentence and its German translation.
         split: `train` or `test`.
+        conditions: In which way poses, arms, camera, light and table differ from the paper's setting.
     """
 
     action: Action
@@ -49,6 +52,7 @@ class Demonstration:
     wordings: tuple[str, ...]
     translation: tuple[str, str]
     split: Split
+    conditions: Conditions = field(default_factory=Conditions)
 
     @property
     def task(self) -> str:
@@ -62,10 +66,14 @@ class Demonstration:
         Raises:
             OutOfReachError: If the scripted expert finds no way.
         """
-        return _planned(self.action, self.poses) if self.recorded is None else self.recorded
+        if self.recorded is not None:
+            return self.recorded
+        return _planned(self.action, self.poses, self.conditions)
 
 
-def from_release(release: Release, objects: str = "clant") -> Iterator[Demonstration]:
+def from_release(
+    release: Release, objects: str = "clant", variation: Variation | None = None, seed: int = 0
+) -> Iterator[Demonstration]:
     """The release's demonstrations, in its order.
 
     Objects other than `clant`'s take the places of the cubes, colour by colour in alphabetical order; the
@@ -74,10 +82,18 @@ def from_release(release: Release, objects: str = "clant") -> Iterator[Demonstra
     Args:
         release: The original release.
         objects: Name of a shipped set, such as `claeo`, or path of a YAML file; it has six objects.
+        variation: How much the images may differ from the paper's setting; None: not at all.
+        seed: Of these differences.
 
     Raises:
-        ValueError: If the objects cannot be used or are not six.
+        ValueError: If the objects cannot be used or are not six, or arms or objects shall vary.
     """
+    variation = variation or Variation()
+    if variation.arms_deg or variation.shift_cm:
+        raise ValueError(
+            "the release's trajectories fit its start and its slots: --variation.arms_deg and "
+            "--variation.shift_cm need --source=scripted"
+        )
     items = {item.name: item for item in read_objects(objects)}
     cubes = [item.name for item in read_objects("clant")]
     if len(items) != len(cubes):
@@ -86,13 +102,21 @@ def from_release(release: Release, objects: str = "clant") -> Iterator[Demonstra
             "--source=scripted"
         )
     stand_in = dict(zip(cubes, items, strict=True))
-    for sample in release.samples:
+    for k, sample in enumerate(release.samples):
         action = find_action(sample.action)
         left, middle, right = (stand_in[name] for name in sample.arrangement)
         arrangement = (left, middle, right)
         words = sample.texts if objects == "clant" else wordings(action, items[arrangement[action.slot]])
         translation = (sample.english, sample.german)
-        yield Demonstration(action, arrangement, SLOT_POSES, sample.joints, words, translation, sample.split)
+        conditions = _conditions(variation, SLOT_POSES, seed, k)
+        yield Demonstration(
+            action, arrangement, SLOT_POSES, sample.joints, words, translation, sample.split, conditions
+        )
+
+
+def _conditions(variation: Variation, poses: Poses, seed: int, k: int) -> Conditions:
+    """Conditions of the k-th demonstration."""
+    return draw_conditions(variation, poses, np.random.default_rng((seed, k, _OF_CONDITIONS)))
 
 
 def _spread(names: tuple[str, ...]) -> list[Arrangement]:
@@ -104,7 +128,9 @@ def _spread(names: tuple[str, ...]) -> list[Arrangement]:
     return [every[index] for index in sorted(chosen)]
 
 
-def scripted(objects: str, placement: str = "slots", seed: int = 0) -> Iterator[Demonstration]:
+def scripted(
+    objects: str, placement: str = "slots", seed: int = 0, variation: Variation | None = None
+) -> Iterator[Demonstration]:
     """The twelve actions in 120 arrangements, acted by the scripted expert.
 
     Six objects have just 120 arrangements; of more objects 120 are drawn, with a fixed seed, and fewer than
@@ -112,7 +138,8 @@ def scripted(objects: str, placement: str = "slots", seed: int = 0) -> Iterator[
 
     Placement `free` (see `nico_tabletop.placement`) gives the k-th demonstration poses of its own, drawn from
     `numpy.random.default_rng((seed, k))`: the same ones for all objects. Its sentence to translate is
-    about its objects, drawn from a generator of its own.
+    about its objects. Sentence and conditions are drawn from generators of their own: poses stay the same,
+    whatever varies.
 
     Each action has 30 test episodes, as in the release: those whose arrangement's and action's numbers add up
     to a multiple of four (our decision).
@@ -120,11 +147,13 @@ def scripted(objects: str, placement: str = "slots", seed: int = 0) -> Iterator[
     Args:
         objects: Name of a shipped set, such as `claeo`, or path of a YAML file.
         placement: `slots` or `free`.
-        seed: Of the free placement and of the sentences.
+        seed: Of the free placement, of the sentences and of the conditions.
+        variation: How much each demonstration may differ from the paper's setting; None: not at all.
 
     Raises:
         ModuleNotFoundError: If the extra `scripted` (mink) is not installed.
-        ValueError: If the objects cannot be used or there is no such placement.
+        ValueError: If the objects cannot be used, there is no such placement, or it leaves no room for the
+            variation.
     """
     from . import expert as expert  # fails now, not with the first trajectory, if mink is missing
 
@@ -137,4 +166,5 @@ def scripted(objects: str, placement: str = "slots", seed: int = 0) -> Iterator[
             k = len(ACTIONS) * number + index
             poses = draw(np.random.default_rng((seed, k)))
             sentence = sentence_about(arrangement, np.random.default_rng((seed, k, _OF_SENTENCES)))
-            yield Demonstration(action, arrangement, poses, None, words, sentence, split)
+            conditions = _conditions(variation or Variation(), poses, seed, k)
+            yield Demonstration(action, arrangement, poses, None, words, sentence, split, conditions)

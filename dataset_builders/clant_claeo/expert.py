@@ -78,6 +78,8 @@ _MIDDLE = 0.07  # an object farther from the robot's middle is on the left or ri
 
 _SPEED = 0.11  # of the fingertips, mean over a leg, metres per second
 _RISE_SECONDS, _TURN_SECONDS = 0.7, 1.5  # at least: wrists turn slower than fingertips travel
+_HOME_LIFT = 0.5  # share of its time in which the arm that does not act lifts its hand, and lowers it
+_HOME_NEAR_DEG = 3.0  # closer to its initial pose, it lifts its hand less
 _JOINT_SPEED_DEG = 60.0  # a second; also the order of CLANT's own speeds
 
 _ORIENTATION_COST = 0.02  # metres of distance that weigh as much as one radian of orientation
@@ -101,15 +103,15 @@ def _cubes() -> mujoco.MjModel:
 class _Arm:
     """Inverse kinematics of one arm: the pose of its fingertips in, joint angles of the whole robot out."""
 
-    def __init__(self, side: str) -> None:
+    def __init__(self, side: str, start: Vector) -> None:
         model = _robot()
         self._body = f"{side}_palm_11"
         self._columns = [model.joint(name).qposadr[0] for name in JOINT_NAMES]
         self._acts = np.array([name.startswith(side[0]) for name in JOINT_NAMES])
         # CLANT's first row lies a hundredth of a degree beyond the elbows' limits.
-        start = np.empty(model.nq)
-        start[self._columns] = np.deg2rad(INITIAL_POSE_DEG)
-        self._configuration = mink.Configuration(model, np.clip(start, *model.jnt_range.T))
+        angles = np.empty(model.nq)
+        angles[self._columns] = np.deg2rad(start)
+        self._configuration = mink.Configuration(model, np.clip(angles, *model.jnt_range.T))
         self._task = mink.FrameTask(self._body, "body", 1.0, _ORIENTATION_COST)
         speeds = dict.fromkeys(JOINT_NAMES, float(np.deg2rad(_JOINT_SPEED_DEG)))
         self._limits = [mink.ConfigurationLimit(model), mink.VelocityLimit(model, speeds)]
@@ -158,7 +160,7 @@ class _Arm:
             seconds: Least duration.
 
         Returns:
-            Joint angles, one row of shape (10,) per control period, degrees; the other arm keeps its own of
+            Joint angles, one row of shape (10,) per control period, degrees; the other arm has those of
             `robot.INITIAL_POSE_DEG`.
         """
         start = self.fingertips
@@ -187,11 +189,18 @@ class _Arm:
 
 def _ease(steps: int) -> Vector:
     """Shares, up to 1, of a way that begins and ends at rest, after each of `steps` equal times; (steps,)."""
-    time = np.arange(1, steps + 1) / steps
+    return _eased(np.arange(1, steps + 1) / steps)
+
+
+def _eased(time: Vector) -> Vector:
+    """Shares of a way that begins at rest at time 0 and ends at rest at time 1."""
+    time = np.clip(time, 0, 1)
     return time**2 * (3 - 2 * time)
 
 
-def plan(action: Action, poses: Sequence[Pose]) -> NDArray[np.float64]:
+def plan(
+    action: Action, poses: Sequence[Pose], start: NDArray[np.float64] = INITIAL_POSE_DEG
+) -> NDArray[np.float64]:
     """Joint trajectory that moves one of three objects in the direction of `action`.
 
     The arm on the object's side acts, for an object in the middle the right one, or the one that slides it
@@ -202,10 +211,12 @@ def plan(action: Action, poses: Sequence[Pose]) -> NDArray[np.float64]:
     Args:
         action: What to do; its slot tells the left, middle or right object.
         poses: Where the left, middle and right object stand.
+        start: Where the arms are, shape (10,), degrees; near the initial pose. The acting arm rises from
+            there, and until it has turned its hand, the other one goes to its initial pose.
 
     Returns:
         Joint targets, shape (T, 10), float64, degrees, in the order of `robot.JOINT_NAMES`, `CONTROL_HZ` rows
-        a second. The first row is `robot.INITIAL_POSE_DEG`; T lies between 40 and 85, like CLANT's.
+        a second. The first row is `start`; T lies between 40 and 85, like CLANT's.
 
     Raises:
         OutOfReachError: If no arm can make the stroke without touching another object.
@@ -213,7 +224,7 @@ def plan(action: Action, poses: Sequence[Pose]) -> NDArray[np.float64]:
     problems = []
     for acting in _arms(action, poses[action.slot]):
         try:
-            rows = _movement(action, poses[action.slot], acting)
+            rows = _movement(action, poses[action.slot], acting, start)
         except OutOfReachError as error:
             problems.append(str(error))
             continue
@@ -251,9 +262,32 @@ def _arms(action: Action, pose: Pose) -> tuple[str, str]:
     return ("left", "right") if left_first else ("right", "left")
 
 
-def _movement(action: Action, pose: Pose, acting: str) -> NDArray[np.float64]:
+@cache
+def _lifted(side: str) -> Vector:
+    """How a resting arm's angles change when it lifts its hand by `_LIFT`, shape (10,), degrees."""
+    arm = _Arm(side, INITIAL_POSE_DEG)
+    up = arm.fingertips + np.array([0.0, 0.0, _LIFT])
+    return arm.reach(up, arm.orientation, _RISE_SECONDS)[-1] - INITIAL_POSE_DEG
+
+
+def _way_home(acting: str, start: Vector, rows: int) -> Vector:
+    """How far the arm that does not act is still from its initial pose, shape (rows, 10), degrees.
+
+    It lifts its hand, lowers it at the end, and moves in between: it knows no objects, and would sweep the
+    one beside it along. A policy sees the start pose and one object alone, so nothing else decides about it.
+    """
+    other = "right" if acting == "left" else "left"
+    off = np.where([name.startswith(other[0]) for name in JOINT_NAMES], start - INITIAL_POSE_DEG, 0.0)
+    time = np.arange(1, rows + 1) / rows
+    moved = _eased((time - _HOME_LIFT / 2) / (1 - _HOME_LIFT))
+    height = _eased(time / _HOME_LIFT) * _eased((1 - time) / _HOME_LIFT)
+    height *= min(1.0, float(np.abs(off).max()) / _HOME_NEAR_DEG)
+    return np.outer(1 - moved, off) + np.outer(height, _lifted(other))
+
+
+def _movement(action: Action, pose: Pose, acting: str, start: Vector) -> NDArray[np.float64]:
     """The trajectory of `plan` with a given arm, whatever else stands on the table."""
-    arm = _Arm(acting)
+    arm = _Arm(acting, start)
     grip = GRIPS[action.verb.name][acting]
     held = arm.hold(grip)
 
@@ -267,9 +301,11 @@ def _movement(action: Action, pose: Pose, acting: str) -> NDArray[np.float64]:
     # Straight up first, the hand as it is: in the initial pose the fingers are close to the objects.
     risen = np.array([*arm.fingertips[:2], (begin + up)[2]])
     rows = arm.reach(risen, arm.orientation, _RISE_SECONDS) + arm.reach(begin + up, held, _TURN_SECONDS)
+    for row, away in zip(rows, _way_home(acting, start, len(rows)), strict=True):
+        row += away
     for goal in (begin, end):
         rows += arm.reach(goal, held)
         if (miss := float(np.linalg.norm(arm.fingertips - goal))) > _TOLERANCE:
             raise OutOfReachError(f"the {acting} hand stays {miss * 100:.1f} cm off its way")
     rows += arm.reach(after, held) + arm.reach(after + up, held)
-    return np.array([INITIAL_POSE_DEG, *rows])
+    return np.array([start, *rows])

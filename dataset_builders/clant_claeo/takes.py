@@ -188,7 +188,7 @@ def _record(studio: Studio, demonstration: Demonstration, folder: Path) -> Take:
         if when := {0: "first", len(joints) - 1: "last"}.get(step):
             boxes[when] = _named(simulation, simulation.segmented_boxes(EYES, height, width))
 
-    simulation.reset(demonstration.arrangement, demonstration.poses)
+    simulation.reset(demonstration.arrangement, demonstration.poses, demonstration.conditions)
     outcome = replay(simulation, demonstration.action, joints, record_frame)
     if outcome is Outcome.FAILURE and not studio.keep_failures:
         dataset.clear_episode_buffer()
@@ -241,6 +241,8 @@ def _language_rows(
         "outcome": str(outcome),
         "split": demonstration.split,
     }
+    if conditions := demonstration.conditions.facts():
+        scene["conditions"] = conditions
     rows = [("user", "task_aug", wording) for wording in demonstration.wordings]
     english, german = demonstration.translation
     rows += [("user", "translation", english), ("assistant", "translation", german)]

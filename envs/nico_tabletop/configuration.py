@@ -13,13 +13,14 @@ from lerobot.envs.utils import _LazyAsyncVectorEnv
 from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
 
 from .drawing import check_image_size
-from .env import TabletopEnv
+from .env import TabletopEnv, check_episode_length
 from .objects import read_objects
 from .placement import find_placement
 from .record import EPISODES
 from .robot import EYES, JOINT_NAMES
 from .simulation import CONTROL_HZ
-from .tasks import ACTIONS, find_action
+from .tasks import ACTIONS, EPISODE_STEPS, find_action
+from .variation import Variation
 
 
 @dataclass
@@ -34,6 +35,8 @@ class TabletopEnvConfig(EnvConfig):
         observation_width: Columns of the eyes' image.
         objects: Objects on the table: the name of a shipped set (`clant`, `claeo`, `household`) or the path
             of a YAML file (docs/objects.md).
+        variation: How much each reset may differ from the paper's setting, such as `variation.arms_deg=5`.
+        episode_length: Steps of an episode.
         output_dir: Folder for `episodes.jsonl`, which says what became of each episode; give it the value of
             `--output_dir`, as LeRobot tells an environment nothing of it.
     """
@@ -44,6 +47,8 @@ class TabletopEnvConfig(EnvConfig):
     observation_height: int = 240
     observation_width: int = 320
     objects: str = "clant"
+    variation: Variation = field(default_factory=Variation)
+    episode_length: int = EPISODE_STEPS
     output_dir: str | None = None
     features: dict[str, PolicyFeature] = field(default_factory=dict)
     features_map: dict[str, str] = field(
@@ -71,6 +76,8 @@ class TabletopEnvConfig(EnvConfig):
             "height": self.observation_height,
             "width": self.observation_width,
             "placement": self.placement,
+            "variation": self.variation,
+            "episode_length": self.episode_length,
             "record": None if self.output_dir is None else str(Path(self.output_dir) / EPISODES),
         }
 
@@ -83,14 +90,15 @@ class TabletopEnvConfig(EnvConfig):
         or that of the YAML file without its ending.
 
         Raises:
-            ValueError: If `task` names an unknown action, `placement` is unknown, images or `fps` cannot be
-                had, or the objects cannot be used.
+            ValueError: If `task` names an unknown action, `placement` is unknown, images, `fps` or
+                `episode_length` cannot be had, or the objects cannot be used.
             OSError: If nothing can be written to `output_dir`.
         """
         # Asynchronous environments would find out in their workers.
         check_image_size(self.observation_height, self.observation_width)
         if self.fps != CONTROL_HZ:
             raise ValueError(f"the world runs at {CONTROL_HZ} frames per second; got --env.fps={self.fps}")
+        check_episode_length(self.episode_length)
         find_placement(self.placement)
         read_objects(self.objects)
         if self.output_dir is not None:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One CLANT action as a Gymnasium environment."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +15,19 @@ from .drawing import check_image_size
 from .objects import NAME_BYTES, read_objects
 from .placement import Pose, find_placement
 from .record import Episode, add_episode
-from .robot import EYES, INITIAL_POSE_DEG, joint_limits_deg
+from .robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
 from .scene import SPECTATOR
 from .scoring import Outcome, judge, why_it_failed
 from .simulation import CONTROL_HZ, TabletopSimulation
+from .starts import draw_conditions
 from .tasks import EPISODE_STEPS, SLOTS, Action, arrangements, find_action, find_task
+from .variation import Conditions, Variation
 
 DESCRIPTION_SIZE = len(SLOTS) * (4 + NAME_BYTES)
 """Length of what `describe_objects` returns."""
 
 HELD_STILL_DEG = 1.0
-"""A robot that is never told to move any joint farther than this from its initial pose holds still."""
+"""A robot that is never told to move any joint farther than this from where it was at reset holds still."""
 
 
 def describe_objects(boxes: NDArray[np.float64], names: tuple[str, ...]) -> NDArray[np.float32]:
@@ -42,6 +45,16 @@ def describe_objects(boxes: NDArray[np.float64], names: tuple[str, ...]) -> NDAr
     return np.concatenate([boxes, np.array(letters)], axis=1).astype(np.float32).ravel()
 
 
+def check_episode_length(steps: int) -> None:
+    """Check that an episode has a step.
+
+    Raises:
+        ValueError: If it has none.
+    """
+    if steps < 1:
+        raise ValueError(f"an episode has at least one step; got episode_length={steps}")
+
+
 class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
     """NICO shall push, pull or slide one of three objects; each reset draws which objects stand where.
 
@@ -53,13 +66,20 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
     Action: float32 (10,), joint targets in degrees, one per 0.1 s, in the order of `robot.JOINT_NAMES`.
     Targets beyond the joint limits are clipped; NaN and infinity raise `JointTargetError`.
 
-    An episode ends after `EPISODE_STEPS` steps. Then `info` has `is_success`, `outcome` and, if it failed,
+    An episode ends after `episode_length` steps. Then `info` has `is_success`, `outcome` and, if it failed,
     `failure` (`scoring.Failure`), and the reward is 1 for a perfect, 0.5 for a successful outcome.
 
     `reset(options={"arrangement": (left, middle, right)})` names the objects instead of drawing them, and
     `options={"poses": ((x, y, yaw), …)}` says how they stand, see `placement.Pose`. Reset's info has both.
     `options={"task": "push mug"}` judges this episode by a task in CLANT's words in place of `action`; an
     arrangement that is drawn has its object.
+
+    `options={"conditions": Conditions(…)}` says exactly how arms, camera, light and so on differ from the
+    paper's setting, instead of drawing it from `variation`. Reset's info has the conditions: with arrangement
+    and poses of the same info they give the same start again.
+
+    `options={"keep": True, "task": "pull mug"}` goes on from where objects and arms are, with a new task that
+    is judged from there.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": CONTROL_HZ}  # noqa: RUF012  Gymnasium's own attribute
@@ -73,6 +93,8 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         placement: str = "slots",
         render_mode: str = "rgb_array",
         record: str | Path | None = None,
+        variation: Variation | None = None,
+        episode_length: int = EPISODE_STEPS,
     ) -> None:
         """Make the environment; the GL context comes with the first image.
 
@@ -84,11 +106,14 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
             placement: `slots` (CLANT's three places) or `free` (drawn anew in each reset, `draw_poses`).
             render_mode: Gymnasium's; `rgb_array` is the only one.
             record: File to which each finished episode is added, see `record.Episode`.
+            variation: How much each reset may differ from the paper's setting; None: not at all.
+            episode_length: Steps of an episode.
 
         Raises:
             ValueError: If there is no such action, placement or render mode, the image is too small or too
-                large, or the objects cannot be used.
+                large, an episode has no step, or the objects cannot be used.
         """
+        check_episode_length(episode_length)
         if render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode must be rgb_array; got {render_mode!r}")
         self.render_mode = render_mode
@@ -98,7 +123,8 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         self._draw_poses = find_placement(placement)
         check_image_size(height, width)
         self._size = (height, width)
-        self._max_episode_steps = EPISODE_STEPS
+        self._variation = variation or Variation()
+        self._max_episode_steps = episode_length
         items = read_objects(objects)
         self._names = {word: item.name for item in items for word in (item.name, *item.synonyms)}
         self._simulation = TabletopSimulation(items)
@@ -108,7 +134,7 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         self.observation_space = spaces.Dict(
             {
                 "pixels": spaces.Dict({EYES: spaces.Box(0, 255, (height, width, 3), dtype=np.uint8)}),
-                "agent_pos": spaces.Box(-360.0, 360.0, (len(INITIAL_POSE_DEG),), dtype=np.float32),
+                "agent_pos": spaces.Box(-360.0, 360.0, (len(JOINT_NAMES),), dtype=np.float32),
                 "objects": spaces.Box(-1.0, 255.0, (DESCRIPTION_SIZE,), dtype=np.float32),
             }
         )
@@ -133,8 +159,23 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         """
         super().reset(seed=seed)
         options = options or {}
-        arrangement, task = options.get("arrangement"), options.get("task")
+        task = options.get("task")
         verb, target = find_task(task, self._names) if task else (None, None)
+        start = self._kept_start(options) if options.get("keep") else self._new_start(options, target)
+        arrangement = self._simulation.arrangement
+        if target is not None and target not in arrangement:
+            raise ValueError(f"the task {task!r} needs a {target}, but there are {list(arrangement)}")
+        self.action = self._own_action if verb is None else Action(arrangement.index(target), verb)
+        self._seed = seed
+        self._held_still = True
+        self._start = self._simulation.object_positions()
+        self._start_pose = self._simulation.joint_positions_deg
+        self._step = 0
+        return self._observation(), {"arrangement": arrangement, **start}
+
+    def _new_start(self, options: dict[str, Any], target: str | None) -> dict[str, Any]:
+        """Place the objects and the arms anew; poses and conditions, for reset's info."""
+        arrangement = options.get("arrangement")
         if arrangement is None:
             choices = arrangements(tuple(self._simulation.objects))
             choices = [each for each in choices if target is None or target in each]
@@ -143,24 +184,35 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         if poses is None:
             poses = self._draw_poses(self.np_random)
         poses = tuple(Pose(*pose) for pose in poses)
-        self._simulation.reset(arrangement, poses)
-        if target is not None and target not in self._simulation.arrangement:
-            raise ValueError(f"the task {task!r} needs a {target}, but there are {list(arrangement)}")
-        self.action = (
-            self._own_action if verb is None else Action(self._simulation.arrangement.index(target), verb)
+        conditions = options.get("conditions")
+        if conditions is None:
+            # From a generator of its own: a seed draws the same scenes, whatever varies.
+            conditions = draw_conditions(self._variation, poses, self.np_random.spawn(1)[0])
+        self._simulation.reset(arrangement, poses, conditions)
+        return {"poses": poses, "conditions": conditions}
+
+    def _kept_start(self, options: dict[str, Any]) -> dict[str, Any]:
+        """Leave objects and arms where they are; poses and conditions, for reset's info."""
+        if given := [
+            name for name in ("arrangement", "poses", "conditions") if options.get(name) is not None
+        ]:
+            raise ValueError(f"reset with keep goes on from what is there: leave out {' and '.join(given)}")
+        if not self._simulation.arrangement:
+            raise ValueError(
+                "reset with keep goes on from an episode, and there was none: reset without it first"
+            )
+        arms = self._simulation.joint_positions_deg - INITIAL_POSE_DEG
+        conditions = replace(
+            self._simulation.conditions, arms_deg=tuple(arms.tolist()), shift_cm=Conditions().shift_cm
         )
-        self._seed = seed
-        self._held_still = True
-        self._start = self._simulation.object_positions()
-        self._step = 0
-        return self._observation(), {"arrangement": self._simulation.arrangement, "poses": poses}
+        return {"poses": self._simulation.object_poses(), "conditions": conditions}
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Follow the joint targets for 0.1 s; see the class for observation, reward and info."""
         self._simulation.step(action)
-        self._held_still &= bool(np.abs(action - INITIAL_POSE_DEG).max() <= HELD_STILL_DEG)
+        self._held_still &= bool(np.abs(action - self._start_pose).max() <= HELD_STILL_DEG)
         self._step += 1
-        if self._step < EPISODE_STEPS:
+        if self._step < self._max_episode_steps:
             return self._observation(), 0.0, False, False, {"is_success": False}
         end = self._simulation.object_positions()
         outcome = judge(self.action, self._start, end)

@@ -7,13 +7,16 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .camera_effects import add_camera_effects
 from .drawing import make_renderer
+from .look import Look
 from .objects import TabletopObject, visible_surface
-from .placement import SLOT_POSES, Pose
+from .placement import SLOT_POSES, Pose, Poses
 from .robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
 from .scene import build_model, parking_place, resting_place
 from .segmentation import segmented_boxes
 from .tasks import SLOTS
+from .variation import Conditions
 
 CONTROL_HZ = 10
 """Joint targets per second: one per CLANT frame."""
@@ -41,18 +44,27 @@ class TabletopSimulation:
         self.model = build_model(objects)
         self.data = mujoco.MjData(self.model)
         self.arrangement: tuple[str, ...] = ()
+        self.conditions = Conditions()
+        self._look = Look(self.model)
         self._surfaces = {name: visible_surface(self.model, name) for name in self.objects}
         self._joints = np.array([self.model.joint(name).qposadr[0] for name in JOINT_NAMES])
         self._substeps = round(1 / (CONTROL_HZ * self.model.opt.timestep))
         self._target = _within_limits(INITIAL_POSE_DEG)
         self._renderers: dict[tuple[int, int], mujoco.Renderer] = {}
 
-    def reset(self, arrangement: Sequence[str], poses: Sequence[Pose] = SLOT_POSES) -> None:
+    def reset(
+        self,
+        arrangement: Sequence[str],
+        poses: Sequence[Pose] = SLOT_POSES,
+        conditions: Conditions | None = None,
+    ) -> None:
         """Put the named objects into their poses and the arms into the initial pose.
 
         Args:
             arrangement: Names of the left, middle and right object.
             poses: Where they stand.
+            conditions: In which way poses, arms, camera, light and table differ from the paper's setting,
+                until the next reset; None: in none.
 
         Raises:
             ValueError: If there are not three distinct known names and three poses.
@@ -65,13 +77,16 @@ class TabletopSimulation:
         if len(poses) != len(SLOTS):
             raise ValueError(f"each of the three objects needs a pose; got {len(poses)} poses")
         self.arrangement = tuple(arrangement)
+        self.conditions = Conditions() if conditions is None else conditions
+        self._look.change(self.conditions)
+        places = self.conditions.shifted(poses)
         mujoco.mj_resetData(self.model, self.data)
         for index, name in enumerate(self.objects):
             present = name in arrangement
-            place = resting_place(poses[self.arrangement.index(name)]) if present else parking_place(index)
+            place = resting_place(places[self.arrangement.index(name)]) if present else parking_place(index)
             self.data.joint(name).qpos[:] = place
             self.model.body_gravcomp[self.model.body(name).id] = 0.0 if present else 1.0
-        self._target = _within_limits(INITIAL_POSE_DEG)
+        self._target = _within_limits(self.conditions.start_pose_deg)
         self.data.qpos[self._joints] = self._target
         self.data.ctrl[:] = self._target
         mujoco.mj_forward(self.model, self.data)
@@ -107,6 +122,15 @@ class TabletopSimulation:
         """Middles of the left, middle and right object, shape (3, 3), metres."""
         return np.array([self.data.body(name).xpos for name in self.arrangement])
 
+    def object_poses(self) -> Poses:
+        """How the left, middle and right object stand now; of one that lies, where its x axis points."""
+        bodies = [self.data.body(name) for name in self.arrangement]
+        left, middle, right = (
+            Pose(float(x), float(y), float(np.rad2deg(np.arctan2(turned[3], turned[0]))))
+            for (x, y, _), turned in ((body.xpos, body.xmat) for body in bodies)
+        )
+        return left, middle, right
+
     def _renderer(self, height: int, width: int) -> mujoco.Renderer:
         # The GL context is made on first use, inside the process that renders.
         renderer = self._renderers.get((height, width))
@@ -115,14 +139,17 @@ class TabletopSimulation:
         return renderer
 
     def render(self, camera: str, height: int, width: int) -> NDArray[np.uint8]:
-        """Image of a camera, shape (height, width, 3), RGB.
+        """Image of a camera, shape (height, width, 3), RGB; the eyes' with blur, noise and compression.
 
         Raises:
             DrawingError: If MuJoCo cannot draw on this machine.
         """
         renderer = self._renderer(height, width)
         renderer.update_scene(self.data, camera)
-        return renderer.render()
+        image = renderer.render()
+        if camera != EYES:
+            return image
+        return add_camera_effects(image, self.conditions, round(self.data.time * CONTROL_HZ))
 
     def segmented_boxes(self, camera: str, height: int, width: int) -> NDArray[np.float64]:
         """Ground truth: the boxes of what a camera's image shows of the three objects, pixel by pixel.
