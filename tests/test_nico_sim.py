@@ -3,6 +3,7 @@
 
 import json
 import logging
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -241,6 +242,16 @@ def test_the_viewer_shows_each_action(tmp_path: Path, monkeypatch: pytest.Monkey
         assert len(handle.times) == 3
         handle.running = True
     assert not handle.running
+
+
+def test_the_documented_lines_of_python_run() -> None:
+    text = (Path(__file__).parents[1] / "docs" / "robot.md").read_text(encoding="utf-8")
+    [code] = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(code, names)
+    assert names["sent"]["r_elbow_y.pos"] == -80
+    assert names["observation"]["eyes"].shape == (240, 320, 3)
+    assert not names["robot"].is_connected
 
 
 # What follows runs LeRobot's own commands.
