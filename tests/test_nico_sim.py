@@ -282,7 +282,8 @@ def rollout(folder: Path, strategy: str, *options: str) -> str:
     return run(
         "lerobot-rollout",
         *(f"--strategy.type={strategy}", f"--policy.path={checkpoint}", "--policy.device=cpu"),
-        *("--robot.type=nico_sim", *SMALL, "--fps=10", "--task=push red", "--play_sounds=false", *options),
+        *("--robot.type=nico_sim", *SMALL, "--fps=10", "--task=push red", "--play_sounds=false"),
+        *("--return_to_initial_position=false", *options),
         HF_LEROBOT_HOME=str(folder / "home"),
     )
 
@@ -346,7 +347,7 @@ def test_a_rollout_without_recording(folder: Path) -> None:
             "episodic",
             (
                 *("--dataset.num_episodes=2", "--dataset.episode_time_s=2", "--dataset.reset_time_s=1"),
-                "--robot.reset_when_idle=true",
+                *("--robot.reset_when_idle=true", "--strategy.reset_to_initial_position=false"),
             ),
             2,
         ),
