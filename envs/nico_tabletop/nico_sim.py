@@ -115,12 +115,15 @@ class NicoSim(Robot):
         named = self.config.arrangement
         return None if named is None else [name.strip() for name in named.split(",")]
 
-    def reset(self, arrangement: Sequence[str] | None = None, poses: Sequence[Pose] | None = None) -> None:
+    def reset(
+        self, arrangement: Sequence[str] | None = None, poses: Sequence[Sequence[float]] | None = None
+    ) -> None:
         """Say what was done, lay the table anew and put the arms into the initial pose.
 
         Args:
             arrangement: Names of the left, middle and right object; as configured when None.
-            poses: Where they stand; drawn from the configured placement when None.
+            poses: Where they stand, (x, y, yaw) in metres and degrees, see `placement.Pose`; drawn from the
+                configured placement when None.
 
         Raises:
             DeviceNotConnectedError: Before `connect` and after `disconnect`.
@@ -135,7 +138,7 @@ class NicoSim(Robot):
         self,
         simulation: TabletopSimulation,
         arrangement: Sequence[str] | None,
-        poses: Sequence[Pose] | None,
+        poses: Sequence[Sequence[float]] | None,
     ) -> None:
         # In the order of `TabletopEnv.reset`: a seed shows the same scene here and there.
         if arrangement is None:
@@ -143,7 +146,7 @@ class NicoSim(Robot):
             arrangement = choices[self._random.integers(len(choices))]
         if poses is None:
             poses = find_placement(self.config.placement)(self._random)
-        simulation.reset(arrangement, poses)
+        simulation.reset(arrangement, [Pose(*pose) for pose in poses])
         self._start = simulation.object_positions()
         self._acted = False
         self._idle = 0
