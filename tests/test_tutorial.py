@@ -14,12 +14,15 @@ from lerobot.configs.train import TrainPipelineConfig
 from lerobot.datasets import LeRobotDataset
 from lerobot.optim import CosineDecayWithWarmupSchedulerConfig
 from lerobot.policies.factory import make_pre_post_processors
+from lerobot.rollout import EpisodicStrategyConfig, RolloutConfig
+from lerobot.scripts.lerobot_replay import ReplayConfig
 from PIL import Image
 
 from clant_claeo.cli import DatasetConfig
 from lerobot_owlxt5.configuration_crosst5 import CrossT5Config
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
 from lerobot_owlxt5.evaluation.cli import EvaluateConfig
+from nico_tabletop.config_nico_sim import NicoSimConfig
 from nico_tabletop.configuration import ClaeoEnvConfig
 from owlxt5_backbones.train import BackbonesConfig
 from policy_helpers import make_policy
@@ -32,10 +35,14 @@ COMMANDS = {
     "owlxt5-evaluate": EvaluateConfig,
     "lerobot-train": TrainPipelineConfig,
     "lerobot-eval": EvalPipelineConfig,
+    "lerobot-rollout": RolloutConfig,
+    "lerobot-replay": ReplayConfig,
 }
 CHOICES = {
     "policy": (OWLxT5Config, CrossT5Config),
     "env": (ClaeoEnvConfig,),
+    "robot": (NicoSimConfig,),
+    "strategy": (EpisodicStrategyConfig,),
     "scheduler": (CosineDecayWithWarmupSchedulerConfig,),
 }
 CHECKPOINT = "outputs/demo/train/checkpoints/last/pretrained_model"

@@ -4,12 +4,13 @@
 The paper names three outcomes and leaves the numbers open; the thresholds are our decision.
 """
 
+from collections.abc import Sequence
 from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .tasks import Action
+from .tasks import ACTIONS, Action
 
 PERFECT_DISTANCE = 0.03
 """The target must move this far for a perfect outcome, metres."""
@@ -84,3 +85,37 @@ def why_it_failed(
     least = np.full(len(distance), OTHER_MOVED)
     least[action.slot] = TARGET_MOVED
     return Failure.MOVED_WRONGLY if (distance >= least).any() else Failure.MISSED
+
+
+def recognize(start: NDArray[np.float64], end: NDArray[np.float64]) -> tuple[Action, Outcome] | None:
+    """Which of the twelve actions was done, whatever was intended.
+
+    Args:
+        start: Object positions before, shape (3, 3), metres, by slot.
+        end: Object positions after, the same shape.
+
+    Returns:
+        The action and its outcome, perfect or successful; None if it was none of them.
+    """
+    outcomes = ((action, judge(action, start, end)) for action in ACTIONS)
+    return next((done for done in outcomes if done[1] is not Outcome.FAILURE), None)
+
+
+def describe_changes(names: Sequence[str], start: NDArray[np.float64], end: NDArray[np.float64]) -> str:
+    """Say what was done: `push red: perfect`, or how far objects moved, or that none did.
+
+    Args:
+        names: The objects on the left, middle and right slot.
+        start: Object positions before, shape (3, 3), metres, by slot.
+        end: Object positions after, the same shape.
+    """
+    if done := recognize(start, end):
+        action, outcome = done
+        return f"{action.verb.name} {names[action.slot]}: {outcome}"
+    distance = np.linalg.norm((end - start)[:, :2], axis=1)
+    moved = [
+        f"{name} moved {100 * far:.1f} cm"
+        for name, far in zip(names, distance, strict=True)
+        if far >= TARGET_MOVED
+    ]
+    return f"none of the twelve actions; {', '.join(moved)}" if moved else "no object moved"

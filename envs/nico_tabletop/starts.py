@@ -70,9 +70,11 @@ def draw_conditions(variation: Variation, poses: Sequence[Pose], random: np.rand
     conditions = variation.draw(random)
     if not (variation.arms_deg or variation.shift_cm):
         return conditions
+    # Some places at the near end of the region are within 3 mm of a resting hand, and do not touch it.
+    rests_clear = hands_are_clear(poses, Conditions())
     for _ in range(_TRIES):
         resting = replace(conditions, arms_deg=Conditions().arms_deg)
-        if all(hands_are_clear(poses, each) for each in (conditions, resting)):
+        if hands_are_clear(poses, conditions) and (not rests_clear or hands_are_clear(poses, resting)):
             return conditions
         conditions = variation.draw(random)
     raise CrowdedError(
