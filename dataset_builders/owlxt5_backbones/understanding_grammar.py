@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lerobot_owlxt5.commands.answer import RELATIONS, SIDES, Landmark, Relation, Target, said_words
+from lerobot_owlxt5.commands.colours import COLOURS as COLOUR_WORDS
 from lerobot_owlxt5.commands.pseudo_names import draw_name
 
 from .catalogue import CATEGORIES, COLOURS
@@ -21,8 +22,56 @@ _COLOURS = (
     *(name for names, _ in COLOURS.values() for name in names),
     *("turquoise", "beige", "light blue", "dark red", "pale pink", "lime", "maroon", "olive", "golden"),
     *("silver", "indigo", "magenta", "dark green", "bright yellow", "teal", "ruby", "sky blue", "lilac"),
+    *(word for others in COLOUR_WORDS.values() for word in others),
+    *(
+        "navy blue",
+        "forest green",
+        "salmon",
+        "coral",
+        "khaki",
+        "plum",
+        "burgundy",
+        "apricot",
+        "charcoal",
+        "copper",
+    ),
+    *(
+        "mint green",
+        "off white",
+        "jet black",
+        "royal blue",
+        "baby pink",
+        "tan",
+        "rust",
+        "wine red",
+        "light green",
+    ),
+    *("light grey", "deep purple", "pale yellow", "dark brown", "bronze", "mint", "peach", "sand"),
 )
 _COLOURS_DE = (*[*ADJECTIVES.values()][:20], "dunkelrot", "hellblau", "dunkelgrün", "bunt", "hellrosa")
+# Nouns of two words, the first of which would mean something else by itself.
+_TWO_WORDS = (
+    *(
+        "push pin",
+        "pull cord",
+        "slide rule",
+        "drawing pin",
+        "moving box",
+        "left shoe",
+        "right glove",
+        "front door",
+    ),
+    *("can opener", "tape measure", "remote control", "coffee mug", "top hat", "stop sign", "back scratcher"),
+    *(
+        "pushing stick",
+        "middle piece",
+        "far sight",
+        "near light",
+        "close up lens",
+        "light switch",
+        "red wine bottle",
+    ),
+)
 _SHARE_INVENTED, _SHARE_COLOURED, _SHARE_QUALITY, _SHARE_MARKED = 0.25, 0.3, 0.1, 0.4
 
 # fmt: off
@@ -68,8 +117,13 @@ def draw_noun(rng: np.random.Generator) -> Noun:
     if rng.random() < _SHARE_INVENTED:
         name = draw_name(rng) if rng.random() < 0.4 else _draw_word(rng)
         return Noun(name, name, choice(rng, ("m", "f", "n")))
-    noun = choice(rng, nouns())
-    if rng.random() < 0.15:
+    noun, kind = choice(rng, nouns()), rng.random()
+    if kind < 0.1:
+        first = choice(rng, nouns())
+        return Noun(f"{first.english} {noun.english}", first.german + noun.german.lower(), noun.gender)
+    if kind < 0.13:
+        return Noun(choice(rng, _TWO_WORDS), noun.german, noun.gender)
+    if kind < 0.25:
         name = choice(rng, CATEGORIES[choice(rng, [*CATEGORIES])][0])
         return Noun(name, noun.german, noun.gender)
     return compound(choice(rng, [*COMPOUNDS]), noun) if rng.random() < 0.15 else noun
@@ -84,9 +138,9 @@ def _draw_word(rng: np.random.Generator) -> str:
     return "".join(syllables)
 
 
-def draw_thing(rng: np.random.Generator, *, plain: bool = False) -> Thing:
-    """An English thing; a plain one has a name and perhaps a colour."""
-    if not plain and rng.random() < 0.06:
+def draw_thing(rng: np.random.Generator, *, plain: bool = False, related: bool = False) -> Thing:
+    """An English thing; a plain one has a name and perhaps a colour, a related one stands beside another."""
+    if not plain and not related and rng.random() < 0.06:
         other = rng.random() < 0.5
         said = choice(
             rng,
@@ -102,8 +156,8 @@ def draw_thing(rng: np.random.Generator, *, plain: bool = False) -> Thing:
     if colour and rng.random() < 0.25:
         # "the red one", and CLANT's "red".
         said, name = choice(rng, (f"the {colour} one", f"the {colour} one", colour, f"the {colour}")), ""
-    elif not plain and rng.random() < 0.12:
-        name = choice(rng, ("thing", "object", "item", "", "", ""))
+    elif not plain and rng.random() < 0.18:
+        name = choice(rng, ("thing", "thing", "object", "object", "item", "", "", ""))
         said = f"the {colour} {name or 'one'}".replace("  ", " ")
     else:
         head, _, tail = name.partition(" ") if name.split()[0] in words("quality", "en") else ("", "", name)
@@ -112,9 +166,9 @@ def draw_thing(rng: np.random.Generator, *, plain: bool = False) -> Thing:
         if colour and rng.random() < 0.15:
             said = choice(rng, words("in colour", "en")).format(name, colour)
     target = Target(name, colour)
-    if plain or rng.random() > _SHARE_MARKED:
+    if not related and (plain or rng.random() > _SHARE_MARKED):
         return _english(target, said) if target != Target() else draw_thing(rng, plain=plain)
-    return _english(*_marked(rng, target, said))
+    return _english(*_marked(rng, target, said, related))
 
 
 _ARTICLES = ("that", "this", "my", "your", "our")
@@ -126,13 +180,13 @@ def _english(target: Target, said: str) -> Thing:
     return Thing(target, dict.fromkeys(cases, said), dict.fromkeys(cases, "it"))
 
 
-def _marked(rng: np.random.Generator, target: Target, said: str) -> tuple[Target, str]:
+def _marked(rng: np.random.Generator, target: Target, said: str, related: bool = False) -> tuple[Target, str]:
     """The same with a side, a place in a row, a relation, or as the other one."""
     rest = said.removeprefix("the ") if said.startswith("the ") else ""
     if not rest:
         rest = " ".join(said.split()[1:]) if said.split()[0] in _ARTICLES else said
         rest = rest if target.name else f"{target.colour} one"
-    kind = rng.random()
+    kind = 1.0 if related else rng.random()
     if kind < 0.2:
         side = choice(rng, SIDES)
         return replace(target, side=side), f"the {choice(rng, words(f'{side} before', 'en'))} {rest}"
@@ -163,12 +217,14 @@ _PRONOUNS: dict[Gender, dict[Case, str]] = {
 }
 
 
-def draw_german_thing(rng: np.random.Generator, case: Case, *, plain: bool = False) -> Thing:
+def draw_german_thing(
+    rng: np.random.Generator, case: Case, *, plain: bool = False, related: bool = False
+) -> Thing:
     """A German thing in a case: names and colours are copied as said, with their endings."""
     noun = draw_noun(rng)
-    if rng.random() < 0.06:
-        noun = Noun("thing", "Ding", "n")
-    if not plain and rng.random() < 0.04:
+    if rng.random() < 0.1:
+        noun = Noun("thing", "Ding", "n") if rng.random() < 0.7 else Noun("object", "Gegenstand", "m")
+    if not plain and not related and rng.random() < 0.04:
         said = _PRONOUNS[noun.gender][case]
         return Thing(Target(reference="it"), {case: said}, {case: said})
     definite = rng.random() < 0.95
@@ -185,21 +241,21 @@ def draw_german_thing(rng: np.random.Generator, case: Case, *, plain: bool = Fal
         colour = choice(rng, _COLOURS_DE) + ending
         name = "" if rng.random() < 0.25 else name
     before: list[str] = [colour] if colour else []
-    if not plain and rng.random() < _SHARE_MARKED:
-        marks, first, behind = _german_marks(rng, ending)
+    if related or (not plain and rng.random() < _SHARE_MARKED):
+        marks, first, behind = _german_marks(rng, ending, related)
         before = [*first, *before]
         if before and rng.random() < 0.15:
             name = ""
     said = " ".join([article, *before, *([name] if name else []), *([behind] if behind else [])])
     target = replace(marks, name=name, colour=" ".join(said_words(colour)))
     if target == Target():
-        return draw_german_thing(rng, case, plain=plain)
+        return draw_german_thing(rng, case, plain=plain, related=related)
     return Thing(target, {case: said}, {case: _PRONOUNS[noun.gender][case]})
 
 
-def _german_marks(rng: np.random.Generator, ending: str) -> tuple[Target, list[str], str]:
+def _german_marks(rng: np.random.Generator, ending: str, related: bool) -> tuple[Target, list[str], str]:
     """A side, a place in a row, a relation, or the other one: what stands before the name, and behind it."""
-    kind = rng.random()
+    kind = 1.0 if related else rng.random()
     if kind < 0.22:
         side = choice(rng, SIDES)
         return Target(side=side), [choice(rng, words(f"{side} before", "de")) + ending], ""

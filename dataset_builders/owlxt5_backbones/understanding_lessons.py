@@ -50,9 +50,21 @@ from .understanding_grammar import (
 HELD_OUT = ("held_out_sentences.tsv", "held_out_sentences_2.tsv", "held_out_sentences_3.tsv")
 """Files of sentences to measure on."""
 SHARES = {
-    **{"wish": 0.27, "two": 0.09, "correction": 0.03, "forbidden": 0.11, "conditional": 0.06},
-    **{"not_now": 0.05, "not_an_action": 0.1, "beyond": 0.05, "beyond more": 0.01, "question ability": 0.02},
-    **{"question scene": 0.02, "question robot": 0.02, "ask verb": 0.03, "ask target": 0.03, "ask all": 0.01},
+    **{"wish": 0.26, "two": 0.11, "correction": 0.03, "forbidden": 0.1, "conditional": 0.06},
+    **{
+        "not_now": 0.05,
+        "not_an_action": 0.11,
+        "beyond": 0.05,
+        "beyond more": 0.005,
+        "question ability": 0.02,
+    },
+    **{
+        "question scene": 0.02,
+        "question robot": 0.02,
+        "ask verb": 0.03,
+        "ask target": 0.025,
+        "ask all": 0.01,
+    },
     **{"contrast": 0.1},
 }
 """Kinds of frames, and how often each is drawn."""
@@ -142,7 +154,7 @@ class _Filling:
         name = slot.removeprefix("x_")
         number = name[-1] if name[-1].isdigit() else ""
         name = name.rstrip("12")
-        if name in ("thing", "ding", "der", "dem", "a", "name"):
+        if name in ("thing", "related", "ding", "verwandt", "der", "dem", "a", "name"):
             return self._draw_thing(name, counts)
         if name in ("where", "wohin"):
             places = WHERE if name == "where" else WHERE_DE
@@ -174,10 +186,11 @@ class _Filling:
             self._frame.kind in ("wish", "correction", "ask verb") and rng.random() < _SHARE_PLAIN
         )
         case = _GERMAN_CASES.get(slot, "accusative")
+        related = slot in ("related", "verwandt")
         drawn = (
-            draw_thing(rng, plain=plain)
-            if slot in ("thing", "a")
-            else draw_german_thing(rng, case, plain=plain)
+            draw_thing(rng, plain=plain, related=related)
+            if slot in ("thing", "related", "a")
+            else draw_german_thing(rng, case, plain=plain, related=related)
         )
         said = drawn.texts[case]
         if slot == "a":
