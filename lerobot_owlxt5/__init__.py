@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The policies OWLxT5 and CrossT5 for LeRobot: importing this package registers their `--policy.type`."""
+"""OWLxT5, CrossT5 and rivals for LeRobot: importing this package registers their `--policy.type`."""
 
 from typing import TYPE_CHECKING, Any
 
 from .configuration_crosst5 import CrossT5Config
 from .configuration_crosst5_autoencoder import CrossT5AutoencoderConfig
+from .configuration_motion_library import MotionLibraryConfig
 from .configuration_owlxt5 import OWLxT5Config
 
 if TYPE_CHECKING:
     from .data.windows import finished_episode
     from .modeling_crosst5 import CrossT5Policy
     from .modeling_crosst5_autoencoder import CrossT5AutoencoderPolicy
+    from .modeling_motion_library import MotionLibraryPolicy
     from .modeling_owlxt5 import OWLxT5Policy
 
 __all__ = [
@@ -18,6 +20,8 @@ __all__ = [
     "CrossT5AutoencoderPolicy",
     "CrossT5Config",
     "CrossT5Policy",
+    "MotionLibraryConfig",
+    "MotionLibraryPolicy",
     "OWLxT5Config",
     "OWLxT5Policy",
     "finished_episode",
@@ -27,6 +31,7 @@ __all__ = [
 _LAZY = {
     "CrossT5AutoencoderPolicy": "modeling_crosst5_autoencoder",
     "CrossT5Policy": "modeling_crosst5",
+    "MotionLibraryPolicy": "modeling_motion_library",
     "OWLxT5Policy": "modeling_owlxt5",
     "finished_episode": "data.windows",
 }

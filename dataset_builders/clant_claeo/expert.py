@@ -19,7 +19,7 @@ from nico_tabletop.placement import OutOfReachError, Pose
 from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES
 from nico_tabletop.scene import TABLE_HEIGHT, build_model, resting_place
 from nico_tabletop.simulation import CONTROL_HZ
-from nico_tabletop.tasks import Action
+from nico_tabletop.tasks import Action, Verb
 
 try:
     import mink
@@ -74,7 +74,9 @@ _RETREAT = 0.02  # back along the stroke, so that lifting does not drag the obje
 _LIFT = 0.07  # from the height of the stroke to clear other objects
 _TOLERANCE = 0.015  # error of the fingertips at both ends of the stroke
 _MARGIN = 0.006  # between a hand and the objects that are not to be moved
-_MIDDLE = 0.07  # an object farther from the robot's middle is on the left or right side
+
+MIDDLE = 0.07
+"""An object farther from the robot's middle than this is on its left or right side, metres."""
 
 _SPEED = 0.11  # of the fingertips, mean over a leg, metres per second
 _RISE_SECONDS, _TURN_SECONDS = 0.7, 1.5  # at least: wrists turn slower than fingertips travel
@@ -222,9 +224,9 @@ def plan(
         OutOfReachError: If no arm can make the stroke without touching another object.
     """
     problems = []
-    for acting in _arms(action, poses[action.slot]):
+    for acting in preferred_arms(action.verb, poses[action.slot]):
         try:
-            rows = _movement(action, poses[action.slot], acting, start)
+            rows = move(action.verb, poses[action.slot], acting, start)
         except OutOfReachError as error:
             problems.append(str(error))
             continue
@@ -256,9 +258,9 @@ def _is_clear(rows: NDArray[np.float64], acting: str, slot: int, poses: Sequence
     return True
 
 
-def _arms(action: Action, pose: Pose) -> tuple[str, str]:
-    """Both arms, the preferred one first."""
-    left_first = pose.y > 0 if abs(pose.y) > _MIDDLE else action.verb.direction[1] < 0
+def preferred_arms(verb: Verb, pose: Pose) -> tuple[str, str]:
+    """Both arms, the preferred one first; see `plan`."""
+    left_first = pose.y > 0 if abs(pose.y) > MIDDLE else verb.direction[1] < 0
     return ("left", "right") if left_first else ("right", "left")
 
 
@@ -285,13 +287,31 @@ def _way_home(acting: str, start: Vector, rows: int) -> Vector:
     return np.outer(1 - moved, off) + np.outer(height, _lifted(other))
 
 
-def _movement(action: Action, pose: Pose, acting: str, start: Vector) -> NDArray[np.float64]:
-    """The trajectory of `plan` with a given arm, whatever else stands on the table."""
+def move(
+    verb: Verb,
+    pose: Pose,
+    acting: str,
+    start: NDArray[np.float64] = INITIAL_POSE_DEG,
+    turn_seconds: float = _TURN_SECONDS,
+) -> NDArray[np.float64]:
+    """The trajectory of `plan` with a given arm, whatever else stands on the table.
+
+    Args:
+        verb: What to do.
+        pose: Where the object stands.
+        acting: `left` or `right`.
+        start: Where the arms are, see `plan`.
+        turn_seconds: Least duration of the way to above the object, the only leg whose length depends much on
+            where the object stands.
+
+    Raises:
+        OutOfReachError: If the fingertips come too far off the stroke.
+    """
     arm = _Arm(acting, start)
-    grip = GRIPS[action.verb.name][acting]
+    grip = GRIPS[verb.name][acting]
     held = arm.hold(grip)
 
-    direction = np.array([*action.verb.direction, 0.0])
+    direction = np.array([*verb.direction, 0.0])
     up = np.array([0.0, 0.0, _LIFT])
     place = np.array([pose.x + grip.shift, pose.y, TABLE_HEIGHT + grip.height])
     begin = place - direction * (CUBE_HALF_WIDTH + _GAP)
@@ -300,7 +320,7 @@ def _movement(action: Action, pose: Pose, acting: str, start: Vector) -> NDArray
 
     # Straight up first, the hand as it is: in the initial pose the fingers are close to the objects.
     risen = np.array([*arm.fingertips[:2], (begin + up)[2]])
-    rows = arm.reach(risen, arm.orientation, _RISE_SECONDS) + arm.reach(begin + up, held, _TURN_SECONDS)
+    rows = arm.reach(risen, arm.orientation, _RISE_SECONDS) + arm.reach(begin + up, held, turn_seconds)
     for row, away in zip(rows, _way_home(acting, start, len(rows)), strict=True):
         row += away
     for goal in (begin, end):
