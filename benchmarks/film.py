@@ -80,10 +80,8 @@ class Shot:
             observation, _, _, done, info = env.step(actions[-1][0].numpy())
             self.frames.append(observation["pixels"][EYES])
         self.outcome = info["outcome"]
-        moved = [step for step in range(1, len(actions)) if (actions[step] != actions[step - 1]).any()]
-        length = moved[-1] + 1 if moved else 1
-        last = _batch(observation, self.command)
-        episode = finished_episode([first, last], actions[:length], policy.config.max_episode_steps)
+        last, movement = _batch(observation, self.command), actions[: max(1, policy.movement_steps[0])]
+        episode = finished_episode([first, last], movement, policy.config.max_episode_steps)
         labels = [item.name for item in read_objects("claeo")]
         [self.says] = policy.describe(before(episode), labels=labels)
         env.close()

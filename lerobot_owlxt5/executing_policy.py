@@ -71,6 +71,11 @@ class ExecutingPolicy(PreTrainedPolicy):
             execution.task = None
         self.responses = []
 
+    @property
+    def movement_steps(self) -> list[int]:
+        """How many steps of what each robot does move a thing; then it goes home. 0 where nothing is moved."""
+        return [execution.movement if execution else 0 for execution in self._executions]
+
     def _begin(self, mode: str) -> None:
         """Without dropout, and for nothing that was never learnt."""
         self.eval()
