@@ -14,7 +14,7 @@ from .understanding_lessons import draw_understood
 
 _LESSONS = 500
 _ASKED_BACK = 0.03
-_WISHES, _SEEN = 30_000, 6
+_WISHES, _SEEN = 60_000, 3
 
 
 def find_understanding_threshold(name: str, seed: int) -> float:

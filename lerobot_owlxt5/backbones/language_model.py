@@ -104,14 +104,13 @@ class SplitT5:
         return losses.sum(dim=1) / labelled.sum(dim=1)
 
     @torch.no_grad()
-    def probability(self, encoding: Tensor, mask: Tensor, texts: Sequence[str]) -> Tensor:
-        """How probable texts are as answers, from their first token to their end; see `text_loss`.
+    def confidence(self, encoding: Tensor, mask: Tensor, texts: Sequence[str]) -> Tensor:
+        """How probable a token of texts is as answers, their geometric mean; see `text_loss`.
 
         Returns:
             (batch,) in [0, 1].
         """
-        losses, _ = self._token_losses(encoding, mask, texts)
-        return torch.exp(-losses.sum(dim=1))
+        return torch.exp(-self.text_loss(encoding, mask, texts))
 
     def _token_losses(self, encoding: Tensor, mask: Tensor, texts: Sequence[str]) -> tuple[Tensor, Tensor]:
         """Cross entropy of each token (batch, tokens), and which tokens count."""

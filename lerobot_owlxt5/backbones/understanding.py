@@ -22,7 +22,7 @@ class Understood(NamedTuple):
 
     Attributes:
         answer: What it asks for.
-        confidence: Probability of the whole answer, in [0, 1].
+        confidence: Mean probability of the answer's tokens, in [0, 1]. Long names make the whole one small.
         sure: Whether that is enough to act on.
         unknown: Words that are neither in the answer nor in what wishes have; with one, nothing is sure.
     """
@@ -64,7 +64,7 @@ class Understanding:
         except ValueError:
             return Understood(NOT_UNDERSTOOD, 0.0, False)
         # Without the constraint: where the model would have said something else, it is not sure.
-        confidence = float(self._language.probability(encoding, mask, [text]))
+        confidence = float(self._language.confidence(encoding, mask, [text]))
         unknown = tuple(
             word
             for word in left_over(said_words(sentence), answer)
