@@ -129,6 +129,10 @@ class CrossmodalConfig(PreTrainedConfig):
             raise ValueError(f"--policy.joint_loss_weight must be above 0, not {self.joint_loss_weight}.")
         if self.max_episode_steps < 1:
             raise ValueError(f"--policy.max_episode_steps must be at least 1, not {self.max_episode_steps}.")
+        if self.replan_every < 0:
+            raise ValueError(
+                f"--policy.replan_every must be 0 (never) or more steps, not {self.replan_every}."
+            )
         if self.dim_model % self.n_heads or self.dim_model % 2:
             raise ValueError(
                 f"--policy.dim_model={self.dim_model} must be even, and a multiple of --policy.n_heads="
