@@ -214,7 +214,7 @@ def _robustness(config: RobustnessConfig) -> None:
             add_result(config.results, key, name, measure(rollout, CELLS[name], config, bar))
     known = read_results(config.results, key)
     measured = {name: known[name] for name in names}
-    console = Console(highlight=False)
+    console = Console(width=150, highlight=False)
     console.print(rates(f"{policy.config.pretrained_path}, {config.objects}", measured))
     console.print(durations(measured))
 
