@@ -160,7 +160,10 @@ def rates(about: str, measured: dict[str, Measured]) -> Table:
         shown = [rate(sum(reward >= wanted for reward in least), len(least), 1) for wanted in (0.5, 1.0)]
         table.add_row(CELLS[name].about, str(len(least)), *shown, *_honesty(_all_told([cell])))
     table.add_section()
-    everywhere = {"all cells": [*measured], "all but displaced": [n for n in measured if n not in DISPLACED]}
+    everywhere = {
+        "all commands": [*measured],
+        "all but displaced": [n for n in measured if n not in DISPLACED],
+    }
     for title, names in everywhere.items():
         told = _all_told([measured[name] for name in names])
         table.add_row(title, str(len(told)), "", "", *_honesty(told))

@@ -20,7 +20,7 @@ from lerobot_owlxt5.commands.verbs import VERBS
 from lerobot_owlxt5.configuration_owlxt5 import OBS_OBJECTS
 from lerobot_owlxt5.executing_policy import ExecutingPolicy
 from lerobot_owlxt5.object_point import ObjectPoint
-from nico_tabletop.env import HELD_STILL_DEG, describe_objects
+from nico_tabletop.env import describe_objects
 from nico_tabletop.robot import EYES, INITIAL_POSE_DEG
 from nico_tabletop.scoring import judge
 from nico_tabletop.simulation import TabletopSimulation
@@ -45,15 +45,14 @@ class Told:
     Attributes:
         task: In CLANT's words.
         reward: 1 for perfect, 0.5 for successful, 0 for a failure.
-        moved: Whether the robot was told to leave its pose.
-        reported: Whether the policy has said what happened.
+        reported: Whether the policy has carried out a movement and said what happened. Otherwise it refused,
+            or did not come to an end.
         claims: Whether it said that it succeeded, without more than that the object fell over.
         said: The last of its `responses`.
     """
 
     task: str
     reward: float
-    moved: bool
     reported: bool
     claims: bool
     said: str
@@ -141,8 +140,8 @@ class Rollout:
         simulation, policy = self._simulation, self._policy
         name = simulation.arrangement[action.slot]
         task = f"{action.verb.name} {name}"
-        start, pose = simulation.object_positions(), simulation.joint_positions_deg
-        moved, is_over, seconds, looked = False, False, list[float](), list[bool]()
+        start = simulation.object_positions()
+        is_over, seconds, looked = False, list[float](), list[bool]()
         detector: float | None = None
         for step in range(steps):
             if displaced_cm and step == DISPLACED_AT:
@@ -156,7 +155,6 @@ class Rollout:
             detector = self._time_of_detector(observation) if step == 0 else detector
             looked.append(looks)
             target = INITIAL_POSE_DEG + share * (target[0].double().cpu().numpy() - INITIAL_POSE_DEG)
-            moved |= bool(np.abs(target - pose).max() > HELD_STILL_DEG)
             [is_over] = policy.is_done
             if is_over and stops:
                 break
@@ -165,7 +163,7 @@ class Rollout:
         reward = judge(action, start, simulation.object_positions()).reward
         [said] = policy.responses
         claims = claims_success(said, action.verb.name, name)
-        return Told(task, reward, moved, is_over and moved, claims, said)
+        return Told(task, reward, is_over and policy.movement_steps[0] > 0, claims, said)
 
     def _observe(self, task: str, looks: bool) -> dict[str, Any]:
         """An observation as the environment gives it, with an old image if the policy does not look."""

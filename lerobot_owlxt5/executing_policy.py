@@ -73,7 +73,7 @@ class ExecutingPolicy(PreTrainedPolicy):
 
     @property
     def movement_steps(self) -> list[int]:
-        """How many steps of what each robot does move a thing; then it goes home. 0 where nothing is moved."""
+        """How many steps of what each robot does move a thing, before it goes home; 0 where none do."""
         return [execution.movement if execution else 0 for execution in self._executions]
 
     def _begin(self, mode: str) -> None:
