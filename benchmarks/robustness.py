@@ -74,7 +74,7 @@ class Measured:
 
     Attributes:
         episodes: What became of the commands of each.
-        times: Of each command.
+        times: Of each command that was carried out from home, without a break.
     """
 
     episodes: list[list[Told]]
@@ -188,7 +188,7 @@ def durations(measured: dict[str, Measured]) -> Table:
         "first: look and plan": [each.first for each in times],
         "the detector's part: an image": [each.detector for each in times if each.detector is not None],
         "later, mean of a command": [each.later for each in times],
-        "last: look again, report": [each.last for each in times if each.last is not None],
+        "last: look again, report": [each.last for each in times],
     }
     for name, seconds in rows.items():
         if seconds:
@@ -202,7 +202,7 @@ def _robustness(config: RobustnessConfig) -> None:
     check_numbers(config, "scenes")
     names = choose_cells(config.cells)
     torch.set_num_threads(1)
-    policy, *processors = load_policy()
+    policy, before, after = load_policy()
     key = {
         "policy": fingerprint(policy),
         "objects": config.objects,
@@ -210,7 +210,7 @@ def _robustness(config: RobustnessConfig) -> None:
         "seed": config.seed,
     }
     missing = [name for name in names if name not in read_results(config.results, key)]
-    rollout = Rollout(policy, processors, TabletopSimulation(read_objects(config.objects)))
+    rollout = Rollout(policy, (before, after), TabletopSimulation(read_objects(config.objects)))
     with tqdm(total=len(missing) * config.scenes * len(ACTIONS), unit="episode") as bar:
         for name in missing:
             bar.set_description(name)
