@@ -12,16 +12,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import torch
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies import make_pre_post_processors
-from lerobot.utils.constants import OBS_IMAGES, OBS_STATE
 from PIL import Image, ImageDraw, ImageFont
+from rollout import as_batch
 from torch import Tensor
 
 from lerobot_owlxt5 import finished_episode
 from lerobot_owlxt5.command_line import command
-from lerobot_owlxt5.configuration_owlxt5 import OBS_OBJECTS
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 from nico_tabletop.env import TabletopEnv
 from nico_tabletop.objects import read_objects
@@ -38,7 +36,6 @@ SHOTS = (
 """Action and arrangement; six objects, each acted on once."""
 COLUMNS, WIDTH, HEIGHT, LINE = 3, 256, 192, 18
 EVERY, REST = 2, 16  # steps of a frame, and frames at the end
-CAMERA = f"{OBS_IMAGES}.{EYES}"
 
 
 @dataclass
@@ -66,7 +63,7 @@ class Shot:
         env = TabletopEnv(action, "claeo")
         observation, _ = env.reset(seed=0, options={"arrangement": arrangement})
         self.command = env.task_description
-        first = _batch(observation, self.command)
+        first = as_batch(observation, self.command)
         name = self.command.split(" ", 1)[1]
         detector = policy.visual.detector
         found = detector(before(dict(first)), [[name]])
@@ -76,25 +73,15 @@ class Shot:
         self.frames, actions = [observation["pixels"][EYES]], list[Tensor]()
         done = False
         while not done:
-            actions.append(after(policy.select_action(before(_batch(observation, self.command)))))
+            actions.append(after(policy.select_action(before(as_batch(observation, self.command)))))
             observation, _, _, done, info = env.step(actions[-1][0].numpy())
             self.frames.append(observation["pixels"][EYES])
         self.outcome = info["outcome"]
-        last, movement = _batch(observation, self.command), actions[: max(1, policy.movement_steps[0])]
+        last, movement = as_batch(observation, self.command), actions[: max(1, policy.movement_steps[0])]
         episode = finished_episode([first, last], movement, policy.config.max_episode_steps)
         labels = [item.name for item in read_objects("claeo")]
         [self.says] = policy.describe(before(episode), labels=labels)
         env.close()
-
-
-def _batch(observation: dict[str, Any], task: str) -> dict[str, Any]:
-    image = torch.from_numpy(observation["pixels"][EYES].copy()).permute(2, 0, 1)[None].float() / 255
-    return {
-        CAMERA: image,
-        OBS_STATE: torch.from_numpy(observation["agent_pos"])[None],
-        OBS_OBJECTS: torch.from_numpy(observation["objects"])[None],
-        "task": [task],
-    }
 
 
 def _panel(shot: Shot, frame: int, *, ended: bool) -> Image.Image:

@@ -63,6 +63,11 @@ class Execution:
         """Whether the path is at its end, and something comes then."""
         return self.step >= len(self.path) and self.next is not Next.NOTHING
 
+    @property
+    def is_over(self) -> bool:
+        """Whether the path is at its end, and nothing comes then."""
+        return self.task is not None and self.step >= len(self.path) and self.next is Next.NOTHING
+
     def next_action(self) -> Tensor:
         """The next joint target, (joints,)."""
         action = self.path[min(self.step, len(self.path) - 1)]

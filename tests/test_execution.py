@@ -168,3 +168,22 @@ def test_the_way_home_spares_the_stroke() -> None:
 
 def test_a_way_to_where_one_is_is_short() -> None:
     assert len(straight(torch.zeros(3), torch.zeros(3))) == 1
+
+
+def test_it_says_when_it_looks_and_when_it_is_done(t5: Path) -> None:
+    policy, batch = long_movements(make_policy(t5, replan_every=5)), observe(["push red"])
+    assert policy.is_done == [] and policy.looks(["push red"]) == [True]
+    looked = list[int]()
+    for step in range(1000):
+        looks = policy.looks(["push red"])
+        looked += [step] if looks[0] else []
+        # A black image is as good where it does not look: else it would see that the cube is gone.
+        blind = batch | {"observation.objects": torch.zeros_like(batch["observation.objects"])}
+        policy.select_action(batch if looks[0] else blind)
+        if policy.is_done[0]:
+            break
+    assert looked == [0, 5, 10, step]
+    assert policy.responses == ["I tried to push the red cube, but it did not move."]
+    assert policy.looks(["push red"]) == [False] and policy.looks(["pull red"]) == [True]
+    policy.select_action(batch | {"task": ["pull red"]})
+    assert policy.is_done == [False]
