@@ -73,7 +73,7 @@ class ExecutingPolicy(PreTrainedPolicy):
 
     @property
     def movement_steps(self) -> list[int]:
-        """How many steps of what each robot does move a thing, before it goes home. 0: nothing is moved."""
+        """How many steps of what each robot does move a thing, before it goes home; 0 where none do."""
         return [execution.movement if execution else 0 for execution in self._executions]
 
     def _begin(self, mode: str) -> None:
@@ -103,13 +103,26 @@ class ExecutingPolicy(PreTrainedPolicy):
             self._executions, self._spoken_of = [None] * len(tasks), [None] * len(tasks)
         if len(self.responses) != len(tasks):
             self.responses = [""] * len(tasks)
-        known = enumerate(zip(self._executions, tasks, strict=True))
-        due = [index for index, (each, task) in known if each is None or each.task != task or each.waits]
+        due = [index for index, task in enumerate(tasks) if self._is_due(index, task)]
         if due:
             self._go_on(samples_at(batch, due), due)
-        if self.config.replan_every:
-            self._follow_things(batch)
+        self._follow_things(batch)
         return torch.stack([execution.next_action() for execution in self._executions if execution])
+
+    def looks(self, tasks: Sequence[str]) -> list[bool]:
+        """Whether the next `select_action` looks at each robot's image; otherwise an old one will do.
+
+        Args:
+            tasks: Of the robots, as in its batch.
+        """
+        if len(self._executions) != len(tasks):
+            return [True] * len(tasks)
+        return [self._is_due(*each) or self._follows_thing(each[0]) for each in enumerate(tasks)]
+
+    @property
+    def is_done(self) -> list[bool]:
+        """Whether each robot has done and said all that it was asked for, and holds still."""
+        return [execution is not None and execution.is_over for execution in self._executions]
 
     @torch.no_grad()
     def predict_action_chunk(self, batch: dict[str, Any], **kwargs: Any) -> Tensor:
@@ -138,6 +151,16 @@ class ExecutingPolicy(PreTrainedPolicy):
         self.responses = [execution.response for execution in begun]
         self._spoken_of = [execution.spoken_of for execution in begun]
         return torch.stack([execution.chunk(self.config.max_episode_steps) for execution in begun])
+
+    def _is_due(self, index: int, task: str) -> bool:
+        """Whether a robot has a new task, or something comes at its path's end."""
+        execution = self._executions[index]
+        return execution is None or execution.task != task or execution.waits
+
+    def _follows_thing(self, index: int) -> bool:
+        """Whether it is time for a robot to look where the thing is that it is about to move."""
+        every, execution = self.config.replan_every, self._executions[index]
+        return bool(every and execution and execution.memory and execution.is_time_to_look(every))
 
     def _go_on(self, batch: dict[str, Any], due: Sequence[int]) -> None:
         """Do what comes next for some environments, of which the batch is: its i-th sample is `due[i]`'s."""
@@ -242,12 +265,7 @@ class ExecutingPolicy(PreTrainedPolicy):
 
     def _follow_things(self, batch: dict[str, Any]) -> None:
         """Pass over to new plans where a thing is elsewhere now that is about to be moved."""
-        every = self.config.replan_every
-        moving = [
-            index
-            for index, execution in enumerate(self._executions)
-            if execution and execution.memory and execution.is_time_to_look(every)
-        ]
+        moving = [index for index in range(len(self._executions)) if self._follows_thing(index)]
         if not moving:
             return
         executions = [cast(Execution, self._executions[index]) for index in moving]
