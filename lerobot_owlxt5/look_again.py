@@ -46,24 +46,16 @@ def changed(memory: Memory, scene: Scene) -> Change:
     new = [thing for thing in scene.things if all(_elsewhere(thing, other) for other in memory.others)]
     there = [thing for thing in alike if all(_elsewhere(thing, other) for other in memory.others)] or new
     now = min(seen if _stands(old, seen) else there, key=old.distance, default=None)
-    left = [thing for thing in new if now is None or thing.apart_from(now)]
     return Change(
         None if now is None else "" if _stands(old, seen) else _way(old, now),
         fell=now is not None and _flatness(old) > _UPRIGHT and _flatness(now) < _FLATTER * _flatness(old),
-        others=_moved(memory.others, seen, len(left)),
+        others=tuple(other.name for other in memory.others if _moved(other, memory, seen, scene) is not None),
     )
 
 
 def displaced(memory: Memory, scene: Scene) -> Thing | None:
     """The thing that was meant, if it is seen elsewhere now, and whole; else an arm may hide it: None."""
-    old = memory.thing
-    alike = scene.called(old.name)
-    if any(thing.distance(old) < OTHER_STILL for thing in alike):
-        return None
-    there = [thing for thing in alike if all(_elsewhere(thing, other) for other in memory.others)]
-    now = min(there, key=old.distance, default=None)
-    whole = now is not None and abs(_area(now) / _area(old) - 1) < _SAME_SIZE
-    return now if whole else None
+    return _moved(memory.thing, memory, [], scene)
 
 
 def _stands(thing: Thing, seen: Sequence[Thing]) -> bool:
@@ -74,10 +66,15 @@ def _elsewhere(thing: Thing, other: Thing) -> bool:
     return thing.distance(other) >= OTHER_STILL
 
 
-def _moved(others: Sequence[Thing], seen: Sequence[Thing], at_new_places: int) -> tuple[str, ...]:
-    """Names of what left its place, no more than were seen at new ones: what moved may hide what did not."""
-    gone = [other for other in others if all(_elsewhere(thing, other) for thing in seen)]
-    return tuple(other.name for other in gone[:at_new_places])
+def _moved(thing: Thing, memory: Memory, seen: Sequence[Thing], scene: Scene) -> Thing | None:
+    """Where a remembered thing is now, if it is seen elsewhere and whole; else a hand may hide it: None."""
+    alike = scene.called(thing.name)
+    if not all(_elsewhere(other, thing) for other in [*seen, *alike]):
+        return None
+    before = (memory.thing, *memory.others)
+    there = [each for each in alike if all(_elsewhere(each, other) for other in before)]
+    now = min(there, key=thing.distance, default=None)
+    return now if now is not None and abs(_area(now) / _area(thing) - 1) < _SAME_SIZE else None
 
 
 def _way(old: Thing, now: Thing) -> str:

@@ -62,7 +62,9 @@ def test_the_readmes_example_runs(
     names: dict[str, Any] = {}
     exec(code.replace(CHECKPOINT, str(tmp_path)), names)
     answer, description, outcome = capsys.readouterr().out.splitlines()[-3:]
-    assert answer == f"I will push the {names['name']}."
+    # An untrained policy: what it has done is for the detector to see.
+    assert names["name"] in answer
+    assert answer.startswith(("I pushed the", "I tried to push the"))
     assert description
     assert outcome in ("perfect", "successful", "failure")
 
