@@ -17,8 +17,6 @@ STILL, OTHER_STILL = 0.007, 0.012
 """What is nearer to its old place did not move: the thing that was meant, and others."""
 # A thing that fell is flatter: its box has less than this share of its height over width before.
 _FLATTER, _UPRIGHT = 0.7, 1.1
-# Of two boxes one is a part of the other, if so much of it lies in there.
-_PART = 0.93
 # A thing that is seen whole keeps its size but for this share.
 _SAME_SIZE = 0.25
 
@@ -48,25 +46,24 @@ def changed(memory: Memory, scene: Scene) -> Change:
     new = [thing for thing in scene.things if all(_elsewhere(thing, other) for other in memory.others)]
     there = [thing for thing in alike if all(_elsewhere(thing, other) for other in memory.others)] or new
     now = min(seen if _stands(old, seen) else there, key=old.distance, default=None)
-    known = (old, *memory.others) if now is None else (old, now, *memory.others)
-    arrived = [thing for thing in new if not any(_is_part(thing, other) for other in known)]
-    gone = [other for other in memory.others if all(_elsewhere(thing, other) for thing in seen)]
+    left = [thing for thing in new if now is None or thing.apart_from(now)]
     return Change(
         None if now is None else "" if _stands(old, seen) else _way(old, now),
         fell=now is not None and _flatness(old) > _UPRIGHT and _flatness(now) < _FLATTER * _flatness(old),
-        # No more than are seen at new places: what moved may hide what did not.
-        others=tuple(other.name for other in gone[: len(arrived)]),
+        others=_moved(memory.others, seen, len(left)),
     )
 
 
 def displaced(memory: Memory, scene: Scene) -> Thing | None:
     """The thing that was meant, if it is seen elsewhere now, and whole; else an arm may hide it: None."""
-    old, alike = memory.thing, scene.called(memory.thing.name)
-    if not all(_elsewhere(thing, old) for thing in alike):
+    old = memory.thing
+    alike = scene.called(old.name)
+    if any(thing.distance(old) < OTHER_STILL for thing in alike):
         return None
     there = [thing for thing in alike if all(_elsewhere(thing, other) for other in memory.others)]
     now = min(there, key=old.distance, default=None)
-    return now if now is not None and abs(_area(now) / _area(old) - 1) < _SAME_SIZE else None
+    whole = now is not None and abs(_area(now) / _area(old) - 1) < _SAME_SIZE
+    return now if whole else None
 
 
 def _stands(thing: Thing, seen: Sequence[Thing]) -> bool:
@@ -77,11 +74,10 @@ def _elsewhere(thing: Thing, other: Thing) -> bool:
     return thing.distance(other) >= OTHER_STILL
 
 
-def _is_part(thing: Thing, other: Thing) -> bool:
-    """Whether one of two boxes lies in the other: a hand hides a part of the same thing in one image."""
-    (x0, y0, x1, y1), (u0, v0, u1, v1) = thing.box.tolist(), other.box.tolist()
-    common = max(min(x1, u1) - max(x0, u0), 0.0) * max(min(y1, v1) - max(y0, v0), 0.0)
-    return common > _PART * min(_area(thing), _area(other))
+def _moved(others: Sequence[Thing], seen: Sequence[Thing], at_new_places: int) -> tuple[str, ...]:
+    """Names of what left its place, no more than were seen at new ones: what moved may hide what did not."""
+    gone = [other for other in others if all(_elsewhere(thing, other) for thing in seen)]
+    return tuple(other.name for other in gone[:at_new_places])
 
 
 def _way(old: Thing, now: Thing) -> str:
