@@ -62,8 +62,8 @@ class CrossmodalConfig(PreTrainedConfig):
             (translate) gives its share to the others.
         joint_loss_weight: Weight of the action path's loss beside the language loss; 1 in the paper.
         max_text_tokens: Longest text that `describe` and `translate` generate, in tokens.
-        replan_every: In a movement, look again every so many steps, and change the plan if the thing is
-            elsewhere now. 0: never. Only a policy with a detector can.
+        replan_every: While a hand approaches, look again every so many steps, and change the plan if
+            the thing is elsewhere now. 0: never. Only a policy with a detector can.
         tasks: Task texts of the training data; filled in as training meets them, on several GPUs as the first
             one does. They name the objects that `describe` looks for, and the tasks that the policy knows
             beside its own verbs.

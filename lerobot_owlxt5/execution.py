@@ -13,7 +13,7 @@ from .commands.instruction import Instruction
 from .commands.replies import MOVEMENT_OVER
 from .data.start_pose import NEAR
 from .look_again import Memory
-from .way_home import straight, way_back, way_out
+from .way_home import APPROACH_STEPS, straight, way_back, way_out
 
 BLEND_STEPS = 8
 """So many steps pass from an old plan to a new one, when the thing was moved in the middle of a movement."""
@@ -80,8 +80,11 @@ class Execution:
         return self.path[torch.arange(steps, device=self.path.device).clamp(max=end)]
 
     def is_time_to_look(self, every: int) -> bool:
-        """Whether it is in the middle of a movement, at one of every so many steps."""
-        return 0 < self.step < self.movement and self.step % every == 0
+        """Whether it is at one of every so many steps, and no hand has reached the thing yet.
+
+        After the approach it is the hand that moves the thing.
+        """
+        return 0 < self.step <= min(self.movement - 1, APPROACH_STEPS) and self.step % every == 0
 
     def report(self, change: Change | None) -> str:
         """Say what happened. Who cannot compare claims nothing."""
