@@ -188,7 +188,7 @@ def test_only_a_command_that_is_not_known_is_refused(
     batch = observe(["push red", "pull the mug", "dance wildly"])
     plan = policy.predict_action_chunk(batch)
     assert policy.responses[:2] == ["I will push the red cube.", "I will pull the mug."]
-    assert policy.responses[2].startswith("I hold still")
+    assert policy.responses[2].startswith(("I hold still", "Should I"))
     held = (plan == batch["observation.state"][:, None]).all(dim=(1, 2))
     assert held.tolist() == [False, False, True]
 

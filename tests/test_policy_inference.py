@@ -182,7 +182,7 @@ def test_what_cannot_be_done_is_said_and_not_guessed(t5: Path) -> None:
         "I will pull the ball.",
         "I cannot see a can. I see a cube, a ball and a mug.",
     ]
-    assert policy.responses[3].startswith("I hold still")
+    assert policy.responses[3].startswith(("I hold still", "Should I"))
     held = (plan == batch["observation.state"][:, None]).all(dim=(1, 2))
     assert held.tolist() == [False, False, True, True]
     policy.reset()
