@@ -55,7 +55,7 @@ class ExecutingPolicy(PreTrainedPolicy):
         self.register_buffer("rest_tolerance", torch.full((n_joints,), torch.inf))
 
     def _load_from_state_dict(self, state_dict: dict[str, Any], prefix: str, *args: Any) -> None:
-        # Older checkpoints do not know how far their first poses were from the mean: hold still in doubt.
+        # Older checkpoints do not know how far their first poses were from the mean: go home in doubt.
         state_dict.setdefault(f"{prefix}rest_tolerance", torch.full_like(self.rest_tolerance, NEAR))
         super()._load_from_state_dict(state_dict, prefix, *args)
 
@@ -272,6 +272,8 @@ class ExecutingPolicy(PreTrainedPolicy):
         finder, now = cast(ObjectFinder, self.visual), samples_at(batch, moving)
         memories = [cast(Memory, execution.memory) for execution in executions]
         seen = finder.follow(now, memories, self._labels, self._in_english)
+        if not any(seen.memories):
+            return
         starts = torch.stack([execution.start for execution in executions])
         prompts = [execution.instruction.prompt for execution in executions]
         plans = self.model.plan(prompts, seen.features, still(starts), self.config.max_episode_steps)

@@ -61,12 +61,16 @@ class Execution:
     @property
     def waits(self) -> bool:
         """Whether the path is at its end, and something comes then."""
-        return self.step >= len(self.path) and self.next is not Next.NOTHING
+        return self._ended and self.next is not Next.NOTHING
 
     @property
     def is_over(self) -> bool:
         """Whether the path is at its end, and nothing comes then."""
-        return self.task is not None and self.step >= len(self.path) and self.next is Next.NOTHING
+        return self.task is not None and self._ended and self.next is Next.NOTHING
+
+    @property
+    def _ended(self) -> bool:
+        return self.step >= len(self.path)
 
     def next_action(self) -> Tensor:
         """The next joint target, (joints,)."""

@@ -43,41 +43,33 @@ def changed(memory: Memory, scene: Scene) -> Change:
     """Compare what is seen now with what was seen before."""
     old, alike = memory.thing, scene.called(memory.thing.name)
     seen = [*alike, *scene.things]
-    new = [thing for thing in scene.things if all(_elsewhere(thing, other) for other in memory.others)]
-    there = [thing for thing in alike if all(_elsewhere(thing, other) for other in memory.others)] or new
-    now = min(seen if _stands(old, seen) else there, key=old.distance, default=None)
+    stands = any(thing.distance(old) < STILL for thing in seen)
+    new = _none_of(memory.others, scene.things)
+    there = seen if stands else _none_of(memory.others, alike) or new
+    now = min(there, key=old.distance, default=None)
     left = [thing for thing in new if now is None or thing.apart_from(now)]
+    gone = _none_of(seen, memory.others)
     return Change(
-        None if now is None else "" if _stands(old, seen) else _way(old, now),
-        fell=now is not None and _flatness(old) > _UPRIGHT and _flatness(now) < _FLATTER * _flatness(old),
-        others=_moved(memory.others, seen, len(left)),
+        None if now is None else "" if stands else _way(old, now),
+        fell=now is not None and _slimness(old) > _UPRIGHT and _slimness(now) < _FLATTER * _slimness(old),
+        # No more than were seen at new places: what moved may hide what did not.
+        others=tuple(other.name for other in gone[: len(left)]),
     )
 
 
 def displaced(memory: Memory, scene: Scene) -> Thing | None:
     """The thing that was meant, if it is seen elsewhere now, and whole; else an arm may hide it: None."""
-    old = memory.thing
-    alike = scene.called(old.name)
-    if any(thing.distance(old) < OTHER_STILL for thing in alike):
+    old, alike = memory.thing, scene.called(memory.thing.name)
+    if len(_none_of([old], alike)) < len(alike):
         return None
-    there = [thing for thing in alike if all(_elsewhere(thing, other) for other in memory.others)]
-    now = min(there, key=old.distance, default=None)
+    now = min(_none_of(memory.others, alike), key=old.distance, default=None)
     whole = now is not None and abs(_area(now) / _area(old) - 1) < _SAME_SIZE
     return now if whole else None
 
 
-def _stands(thing: Thing, seen: Sequence[Thing]) -> bool:
-    return any(thing.distance(other) < STILL for other in seen)
-
-
-def _elsewhere(thing: Thing, other: Thing) -> bool:
-    return thing.distance(other) >= OTHER_STILL
-
-
-def _moved(others: Sequence[Thing], seen: Sequence[Thing], at_new_places: int) -> tuple[str, ...]:
-    """Names of what left its place, no more than were seen at new ones: what moved may hide what did not."""
-    gone = [other for other in others if all(_elsewhere(thing, other) for thing in seen)]
-    return tuple(other.name for other in gone[:at_new_places])
+def _none_of(others: Sequence[Thing], things: Sequence[Thing]) -> list[Thing]:
+    """Those of some things that stand where none of the others stands."""
+    return [thing for thing in things if all(thing.distance(other) >= OTHER_STILL for other in others)]
 
 
 def _way(old: Thing, now: Thing) -> str:
@@ -88,7 +80,8 @@ def _way(old: Thing, now: Thing) -> str:
     return CLOSER if down > 0 else AWAY
 
 
-def _flatness(thing: Thing) -> float:
+def _slimness(thing: Thing) -> float:
+    """Height over width of a thing's box."""
     left, upper, right, lower = thing.box.tolist()
     return (lower - upper) / max(right - left, 1e-6)
 

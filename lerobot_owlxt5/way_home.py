@@ -24,8 +24,7 @@ def way_back(movement: Tensor) -> Tensor:
         (steps, joints), no joint faster than in the movement.
     """
     approach = movement[: APPROACH_STEPS + 1].flip(0)
-    fastest = movement.diff(dim=0).abs().amax(dim=0) if len(movement) > 1 else movement.new_zeros(1)
-    return along(torch.cat([movement[-1:], approach]), fastest.clamp(min=FASTEST / 10))
+    return along(torch.cat([movement[-1:], approach]), _fastest(movement))
 
 
 def way_out(done: Tensor) -> Tensor:
@@ -36,7 +35,13 @@ def way_out(done: Tensor) -> Tensor:
     """
     if len(done) < 2:
         return done
-    return along(done.flip(0), done.diff(dim=0).abs().amax(dim=0).clamp(min=FASTEST / 10))
+    return along(done.flip(0), _fastest(done))
+
+
+def _fastest(movement: Tensor) -> Tensor:
+    """How far each joint went in its fastest step, (joints,) or (1,); a joint that rested may creep."""
+    fastest = movement.diff(dim=0).abs().amax(dim=0) if len(movement) > 1 else movement.new_zeros(1)
+    return fastest.clamp(min=FASTEST / 10)
 
 
 def straight(pose: Tensor, goal: Tensor) -> Tensor:

@@ -34,11 +34,10 @@ class Change:
         if self.way == VERBS[verb].way:
             said = f"I {VERBS[verb].past.format(the_thing)}"
         else:
-            tried = f"I tried to {verb_phrase(verb, the_thing)}, but"
-            what = (
-                "I cannot see it any more" if self.way is None else f"it moved {self.way}" if self.way else ""
+            what = {None: "I cannot see it any more", "": "it did not move"}.get(
+                self.way, f"it moved {self.way}"
             )
-            said = f"{tried} {what or 'it did not move'}"
+            said = f"I tried to {verb_phrase(verb, the_thing)}, but {what}"
         also = [f"the {object_name(other)}" for other in self.others]
         more = ["and it fell over"] if self.fell else []
         more += [f"and {listed(also, 'and')} moved too"] if also else []
