@@ -38,8 +38,8 @@ from lerobot_owlxt5.command_line import command
 from lerobot_owlxt5.commands.parser import parse_command, spoken
 from lerobot_owlxt5.configuration_owlxt5 import OBS_OBJECTS
 from lerobot_owlxt5.evaluation.metrics import is_accepted, nrmse, squared_errors
-from lerobot_owlxt5.scene import Search
-from lerobot_owlxt5.visual_encoder import MovedObjects, Sightings, VisualInput
+from lerobot_owlxt5.scene import Found, Search, Thing
+from lerobot_owlxt5.visual_encoder import MovedObjects, VisualInput
 
 EVALUATIONS, SLOTS = 5, 20
 FIGURES = ["execute", "nearest", "describe", "repeat"]
@@ -89,14 +89,28 @@ class StoredFeatures(nn.Module):
 
     encode_cached = encode
 
-    def find(self, batch: Mapping[str, Any], searches: Sequence[Search], *_: Any) -> Sightings:
-        """What is meant is what was stored."""
-        return Sightings(self.encode(batch).features[:, :1], ["it"] * len(searches), [""] * len(searches))
+    def scenes(self, batch: Mapping[str, Any], *_: Any) -> list["StoredScene"]:
+        """One for each sample."""
+        return [StoredScene() for _ in batch["task"]]
+
+    def features(self, batch: Mapping[str, Any], things: Sequence[Thing | None]) -> Tensor:
+        """What was stored, whatever was found."""
+        return self.encode(batch).features[:, :1]
 
     def find_moved(self, batch: Mapping[str, Any], labels: Sequence[str]) -> MovedObjects:
         """What the task names has moved: the simulator knows."""
         names = [parse_command(task).object if self.names_objects else "" for task in batch["task"]]
         return MovedObjects(*self.encode(batch), names)
+
+
+class StoredScene:
+    """A `Scene` in which what is meant is what was stored."""
+
+    things: tuple[Thing, ...] = ()
+
+    def find(self, search: Search) -> Found:
+        """What is meant, called by no name."""
+        return Found(Thing("it", torch.zeros(4)))
 
 
 class Trial:

@@ -15,19 +15,18 @@ from .commands.answer import Request, Target
 from .commands.happened import Change
 from .commands.instruction import Instruction, TaskReader, spoken_of
 from .commands.parser import named_objects
-from .commands.replies import GOING_HOME
+from .commands.replies import GOING_HOME, NO_OBJECTS_SEEN
 from .configuration_crossmodal import NO_UNDERSTANDING, CrossmodalConfig
 from .data.start_pose import NEAR, is_far
 from .data.windows import first_pose, samples_at, still
 from .execution import Execution, Next, carry_out
-from .look_again import Memory
+from .look_again import Memory, changed, displaced
 from .model.crossmodal_model import CrossmodalModel
-from .scene import Search
+from .scene import Scene, Search
+from .sighting import Sighting, find, without_objects
 from .validation import check_state, read_tasks
-from .visual_encoder import ObjectFinder, Sightings, VisualEncoder
+from .visual_encoder import ObjectFinder, VisualEncoder
 from .way_home import straight
-
-NO_OBJECTS_SEEN = "I hold still, because I see whole images and no objects: I know neither places nor names."
 
 
 class ExecutingPolicy(PreTrainedPolicy):
@@ -221,9 +220,9 @@ class ExecutingPolicy(PreTrainedPolicy):
             else Search(each.target, spoken, takes_best=each.trained, wants_report=each.wants_report)
             for each, spoken, home in zip(instructions, before, goes_home, strict=True)
         ]
-        seen = self._look(batch, searches)
+        seen, features = self._look(batch, searches)
         prompts = [instruction.prompt for instruction in instructions]
-        plans = self.model.plan(prompts, seen.features, still(poses), self.config.max_episode_steps)
+        plans = self.model.plan(prompts, features, still(poses), self.config.max_episode_steps)
         executions = []
         for sample, (task, instruction, pose) in enumerate(zip(tasks, instructions, poses, strict=True)):
             known = (task, instruction, pose)
@@ -233,25 +232,43 @@ class ExecutingPolicy(PreTrainedPolicy):
                     execution.way_home(pose, self.rest_pose) if execution else straight(pose, self.rest_pose)
                 )
                 executions.append(Execution(*known, way, GOING_HOME, before[sample], Next.PLAN))
-            elif obstacle := instruction.obstacle(seen.problems[sample], far[sample]):
+            elif obstacle := instruction.obstacle(seen[sample].problem, far[sample]):
                 executions.append(Execution(*known, pose[None], obstacle, before[sample]))
             else:
-                name, memory = seen.names[sample], seen.memories[sample]
+                name = seen[sample].name
                 spoken = spoken_of(instruction.target, name)
                 said = instruction.intention(name)
-                executions.append(carry_out(*known, plans[sample], said, spoken, memory))
+                executions.append(carry_out(*known, plans[sample], said, spoken, seen[sample].memory))
         return executions
 
-    def _look(self, batch: dict[str, Any], searches: list[Search]) -> Sightings:
-        """Find what is meant. Without a detector, what a name means is for the network to tell."""
+    def scenes(self, batch: dict[str, Any]) -> list[Scene]:
+        """What is seen now, for somebody to ask.
+
+        Args:
+            batch: Observations of robots, as `select_action` takes them.
+
+        Returns:
+            One for each robot.
+
+        Raises:
+            ValueError: If the policy sees whole images and no objects.
+        """
+        if not self.visual.names_objects:
+            raise ValueError(NO_OBJECTS_SEEN)
+        labels = named_objects(self.config.tasks or [])
+        return cast(ObjectFinder, self.visual).scenes(batch, labels, self._in_english)
+
+    def _look(self, batch: dict[str, Any], searches: Sequence[Search]) -> tuple[list[Sighting], Tensor]:
+        """Find what is meant: sightings, and the network's features (batch, 1, dim).
+
+        Without a detector, what a name means is for the network to tell.
+        """
         if self.visual.names_objects:
-            finder = cast(ObjectFinder, self.visual)
-            return finder.find(batch, searches, self._labels, self._in_english)
-        names = [search.target.phrase if search.target else "" for search in searches]
-        problems = [NO_OBJECTS_SEEN if search.needs_objects else "" for search in searches]
-        return Sightings(
-            self.visual.encode(batch, names).features[:, :1], names, problems, [None] * len(names)
-        )
+            seen = [find(*each) for each in zip(self.scenes(batch), searches, strict=True)]
+            things = [sighting.thing for sighting in seen]
+            return seen, cast(ObjectFinder, self.visual).features(batch, things)
+        seen = [without_objects(search) for search in searches]
+        return seen, self.visual.encode(batch, [sighting.name for sighting in seen]).features[:, :1]
 
     def _look_again(
         self, batch: dict[str, Any], executions: Sequence[Execution | None]
@@ -260,8 +277,10 @@ class ExecutingPolicy(PreTrainedPolicy):
         memories = [each.memory if each and each.waits else None for each in executions]
         if not any(memories):
             return [None] * len(memories)
-        finder = cast(ObjectFinder, self.visual)
-        return finder.compare(batch, memories, self._labels, self._in_english)
+        scenes = self.scenes(batch)
+        return [
+            changed(memory, scene) if memory else None for memory, scene in zip(memories, scenes, strict=True)
+        ]
 
     def _follow_things(self, batch: dict[str, Any]) -> None:
         """Pass over to new plans where a thing is elsewhere now that is about to be moved."""
@@ -269,17 +288,18 @@ class ExecutingPolicy(PreTrainedPolicy):
         if not moving:
             return
         executions = [cast(Execution, self._executions[index]) for index in moving]
-        finder, now = cast(ObjectFinder, self.visual), samples_at(batch, moving)
         memories = [cast(Memory, execution.memory) for execution in executions]
-        seen = finder.follow(now, memories, self._labels, self._in_english)
-        if not any(seen.memories):
+        now = samples_at(batch, moving)
+        things = [displaced(*each) for each in zip(memories, self.scenes(now), strict=True)]
+        if not any(things):
             return
+        features = cast(ObjectFinder, self.visual).features(now, things)
         starts = torch.stack([execution.start for execution in executions])
         prompts = [execution.instruction.prompt for execution in executions]
-        plans = self.model.plan(prompts, seen.features, still(starts), self.config.max_episode_steps)
-        for execution, plan, memory in zip(executions, plans, seen.memories, strict=True):
-            if memory:
-                execution.change_plan(plan, memory)
+        plans = self.model.plan(prompts, features, still(starts), self.config.max_episode_steps)
+        for execution, plan, memory, thing in zip(executions, plans, memories, things, strict=True):
+            if thing:
+                execution.change_plan(plan, Memory(thing, memory.others))
 
     def _instruct(self, task: str, before: Target | None) -> Instruction:
         """What a task asks for; `before` was spoken of last."""
@@ -295,10 +315,6 @@ class ExecutingPolicy(PreTrainedPolicy):
     @property
     def _reader(self) -> TaskReader:
         return TaskReader(tuple(self.config.tasks or ()), self.visual.names_objects)
-
-    @property
-    def _labels(self) -> list[str]:
-        return named_objects(self.config.tasks or [])
 
     def _in_english(self, name: str) -> str:
         return self._understanding.in_english(name) if self._understanding else name

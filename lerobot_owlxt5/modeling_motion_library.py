@@ -4,7 +4,7 @@
 After ELMiRA (docs/rivals.md): an open-vocabulary detector, calibrated camera geometry, inverse kinematics.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -23,7 +23,7 @@ from .executing_policy import ExecutingPolicy
 from .motion_library import MotionLibrary
 from .object_point import ObjectPoint
 from .scene import Search
-from .visual_encoder import Sightings
+from .sighting import Sighting
 
 if TYPE_CHECKING:
     from lerobot.datasets import LeRobotDatasetMetadata
@@ -35,31 +35,16 @@ NOTHING_TO_LEARN = (
 )
 
 
-class ReachablePlace(ObjectPoint):
-    """Sees where on the table the named object stands, and whether it is in reach.
+class TablePlace(ObjectPoint):
+    """Sees where on the table the named object stands.
 
     Its features are places, (batch, 1, 2), x forward and y to the robot's left, metres.
     """
 
-    def __init__(self, config: MotionLibraryConfig, library: MotionLibrary) -> None:
+    def __init__(self, config: MotionLibraryConfig) -> None:
         """Load the detector that the configuration names."""
         super().__init__(config)
-        self._view, self._depth, self._library = config.table_view, config.object_depth, library
-
-    def find(
-        self,
-        batch: Mapping[str, Any],
-        searches: Sequence[Search],
-        labels: Sequence[str],
-        in_english: Callable[[str], str],
-    ) -> Sightings:
-        """See `ObjectFinder`; what is out of reach is a problem."""
-        seen = super().find(batch, searches, labels, in_english)
-        problems = [
-            problem if problem or not name or self._library.reaches(place) else out_of_reach(name)
-            for problem, name, [place] in zip(seen.problems, seen.names, seen.features, strict=True)
-        ]
-        return seen._replace(problems=problems)
+        self._view, self._depth = config.table_view, config.object_depth
 
     def _points(self, detections: Detections) -> Tensor:
         """Places on the table, (samples, names, 2)."""
@@ -81,7 +66,7 @@ class MotionLibraryPolicy(ExecutingPolicy):
     name = "motion_library"
     config: MotionLibraryConfig
     model: MotionLibrary  # type: ignore[assignment]  # of a CrossmodalModel only `plan` is asked for
-    visual: ReachablePlace  # type: ignore[assignment]  # nobody encodes episodes for training
+    visual: TablePlace  # type: ignore[assignment]  # nobody encodes episodes for training
 
     def __init__(
         self,
@@ -113,7 +98,7 @@ class MotionLibraryPolicy(ExecutingPolicy):
         span = self.model.high - self.model.low
         self.rest_pose = 2 * (self.model.rest - self.model.low) / span - 1
         self.rest_tolerance = torch.from_numpy(start_tolerance(self.rest_pose[None].numpy(), span.numpy()))
-        self.visual = ReachablePlace(config, self.model)
+        self.visual = TablePlace(config)
         self.reset()
 
     def _instruct(self, task: str, before: Target | None) -> Instruction:
@@ -122,6 +107,15 @@ class MotionLibraryPolicy(ExecutingPolicy):
         if instruction.verb or instruction.reply or instruction.wants_report:
             return instruction
         return replace(instruction, reply=NO_SUCH_MOTION)
+
+    def _look(self, batch: dict[str, Any], searches: Sequence[Search]) -> tuple[list[Sighting], Tensor]:
+        """As all do; what is out of reach is a problem."""
+        seen, places = super()._look(batch, searches)
+        reaches = [self.model.reaches(place) for [place] in places]
+        return [
+            sighting if near or not sighting.thing else replace(sighting, problem=out_of_reach(sighting.name))
+            for sighting, near in zip(seen, reaches, strict=True)
+        ], places
 
     def get_optim_params(self) -> NoReturn:
         """There are none.

@@ -2,7 +2,7 @@
 """OWLxT5's visual encoder: where the named object is."""
 
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import torch
@@ -12,13 +12,11 @@ from torch import Tensor
 from .backbones.detections import Detections, Detector, same_place
 from .backbones.ground_truth import BOX_NUMBERS, GroundTruthDetector
 from .backbones.zero_shot import ZeroShotDetector
-from .commands.happened import Change
 from .configuration_owlxt5 import CENTRE, GROUND_TRUTH, OWLxT5Config
 from .data.episode_store import EpisodeStore
 from .data.windows import at_step, observation_at
-from .look_again import Memory, changed, displaced, remember
-from .scene import Scene, Search, Thing
-from .visual_encoder import MovedObjects, Sightings, VisualInput
+from .scene import Scene, Thing
+from .visual_encoder import MovedObjects, VisualInput
 
 # In describe names compete for what is seen, and one that counts must leave its place: weaker scores will do.
 DESCRIBE_THRESHOLD_SHARE = 0.5
@@ -57,64 +55,17 @@ class ObjectPoint:
         """See `VisualEncoder`."""
         return self.detector.can_read(names)
 
-    def find(
-        self,
-        batch: Mapping[str, Any],
-        searches: Sequence[Search],
-        labels: Sequence[str],
-        in_english: Callable[[str], str],
-    ) -> Sightings:
-        """See `ObjectFinder`."""
-        things, problems, memories = [], [], []
-        for scene, search in zip(self._scenes(batch, labels, in_english), searches, strict=True):
-            found = scene.find(search)
-            things.append(found.thing)
-            problems.append(found.problem)
-            memories.append(remember(scene, found.thing) if found.thing else None)
-        names = [thing.name if thing else "" for thing in things]
-        return Sightings(self._features(batch, things), names, problems, memories)
-
-    def compare(
-        self,
-        batch: Mapping[str, Any],
-        memories: Sequence[Memory | None],
-        labels: Sequence[str],
-        in_english: Callable[[str], str],
-    ) -> list[Change | None]:
-        """See `ObjectFinder`."""
-        scenes = self._scenes(batch, labels, in_english)
-        return [
-            changed(memory, scene) if memory else None for memory, scene in zip(memories, scenes, strict=True)
-        ]
-
-    def follow(
-        self,
-        batch: Mapping[str, Any],
-        memories: Sequence[Memory],
-        labels: Sequence[str],
-        in_english: Callable[[str], str],
-    ) -> Sightings:
-        """See `ObjectFinder`."""
-        scenes = self._scenes(batch, labels, in_english)
-        things = [displaced(memory, scene) for memory, scene in zip(memories, scenes, strict=True)]
-        now = [
-            Memory(thing, memory.others) if thing else None
-            for thing, memory in zip(things, memories, strict=True)
-        ]
-        names, problems = [memory.thing.name for memory in memories], [""] * len(memories)
-        return Sightings(self._features(batch, things), names, problems, now)
-
-    def _scenes(
+    def scenes(
         self, batch: Mapping[str, Any], labels: Sequence[str], in_english: Callable[[str], str]
-    ) -> Iterator[Scene]:
-        """The images of a batch, one by one; who does not ask a scene anything has it not encoded."""
+    ) -> list[Scene]:
+        """See `ObjectFinder`."""
         observation = observation_at(batch, 0)
-        for sample in range(len(batch[OBS_STATE])):
-            one = {key: value[sample : sample + 1] for key, value in observation.items()}
-            yield Scene(self.detector, one, labels, in_english)
+        samples = range(len(batch[OBS_STATE]))
+        images = [{key: value[i : i + 1] for key, value in observation.items()} for i in samples]
+        return [Scene(self.detector, image, labels, in_english) for image in images]
 
-    def _features(self, batch: Mapping[str, Any], things: Sequence[Thing | None]) -> Tensor:
-        """As in `VisualInput`, of one step; 0 for nothing."""
+    def features(self, batch: Mapping[str, Any], things: Sequence[Thing | None]) -> Tensor:
+        """See `ObjectFinder`."""
         nothing = batch[OBS_STATE].new_zeros(BOX_NUMBERS)
         box = torch.stack([thing.box if thing else nothing for thing in things])[:, None]
         score = torch.tensor([[float(thing is not None)] for thing in things]).to(box)

@@ -6,11 +6,9 @@ from typing import Any, NamedTuple, Protocol
 
 from torch import Tensor
 
-from .commands.happened import Change
 from .commands.replies import NOTHING_KNOWN, NOTHING_MOVED
 from .data.episode_store import EpisodeStore
-from .look_again import Memory
-from .scene import Search
+from .scene import Scene, Thing
 
 
 class VisualInput(NamedTuple):
@@ -45,22 +43,6 @@ class MovedObjects(NamedTuple):
             text if moved else NOTHING_MOVED if label else NOTHING_KNOWN
             for text, moved, label in zip(texts, self.moved.tolist(), self.labels, strict=True)
         ]
-
-
-class Sightings(NamedTuple):
-    """What was seen of a batch, of whose samples each has something to find, or nothing.
-
-    Attributes:
-        features: As in `VisualInput`, of one step.
-        names: What to call the thing that is meant, or empty.
-        problems: Why it is not clear which thing is meant, a sentence each; empty where it is.
-        memories: What was seen; None where no thing was found, or nobody can compare.
-    """
-
-    features: Tensor
-    names: list[str]
-    problems: list[str]
-    memories: list[Memory | None]
 
 
 class VisualEncoder(Protocol):
@@ -100,36 +82,16 @@ class VisualEncoder(Protocol):
 class ObjectFinder(VisualEncoder, Protocol):
     """A visual encoder that `names_objects`."""
 
-    def find(
-        self,
-        batch: Mapping[str, Any],
-        searches: Sequence[Search],
-        labels: Sequence[str],
-        in_english: Callable[[str], str],
-    ) -> Sightings:
-        """Find what is meant, in a batch's images.
+    def scenes(
+        self, batch: Mapping[str, Any], labels: Sequence[str], in_english: Callable[[str], str]
+    ) -> list[Scene]:
+        """The images of a batch, each for somebody to ask. Who asks nothing has it not encoded.
 
         Args:
             batch: Features `observation.*`, with a time axis or without; the first step counts.
-            searches: What to look for, one a sample.
             labels: Names of what may be there.
             in_english: What a name is called in English.
         """
 
-    def compare(
-        self,
-        batch: Mapping[str, Any],
-        memories: Sequence[Memory | None],
-        labels: Sequence[str],
-        in_english: Callable[[str], str],
-    ) -> list[Change | None]:
-        """See what has changed since something was seen, None where nothing was; otherwise as `find`."""
-
-    def follow(
-        self,
-        batch: Mapping[str, Any],
-        memories: Sequence[Memory],
-        labels: Sequence[str],
-        in_english: Callable[[str], str],
-    ) -> Sightings:
-        """Find things that are elsewhere now; others have no memory then; else as `find`."""
+    def features(self, batch: Mapping[str, Any], things: Sequence[Thing | None]) -> Tensor:
+        """What is seen of one thing in each of a batch's images, (batch, 1, dim); 0 for None."""

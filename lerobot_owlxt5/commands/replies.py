@@ -10,6 +10,7 @@ from .verbs import VERBS
 
 TOO_LONG = f"I hold still, because a command may have at most {MAX_CHARACTERS} characters: say it in fewer."
 TOO_FAR = "I hold still, because my arms are too far from where I learnt to begin: move them back there."
+NO_OBJECTS_SEEN = "I hold still, because I see whole images and no objects: I know neither places nor names."
 GOING_HOME = "I move my arms back first."
 MOVEMENT_OVER = "I am done, but I cannot tell what has moved."
 NOTHING_ASKED = "What should I do?"
