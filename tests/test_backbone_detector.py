@@ -191,6 +191,31 @@ def test_prepared_images_are_what_the_processor_makes(images: list[dict[str, Any
     assert nearest < 0.01
 
 
+def test_some_images_are_dark_blurred_or_compressed() -> None:
+    _, processor = make_detector_model(TINY, 0)
+    relight = Collator(processor, 16).relight
+    edge = torch.full((3, 32, 32), 0.2)
+    edge[..., 16:] = 0.8
+    torch.manual_seed(0)
+    seen = torch.stack([relight(edge) for _ in range(300)])
+    assert (seen.mean(dim=(1, 2, 3)) < 0.25).float().mean() == pytest.approx(0.17, abs=0.07)
+    steepest = seen.diff(dim=-1).abs().amax(dim=(1, 2, 3)) / seen.amax(dim=(1, 2, 3))
+    assert 0.05 < (steepest < 0.35).float().mean() < 0.4
+
+
+def test_some_tables_are_white() -> None:
+    for seed in range(12):
+        world = RandomScenes(np.random.default_rng(seed))
+        white, image = world._white, next(world.images())["image"]
+        world.close()
+        if white:
+            break
+    # The light has a tint of its own; the table has none.
+    table = np.median(image.reshape(-1, 3), axis=0)
+    assert white
+    assert np.ptp(table) <= 0.2 * table.max()
+
+
 def test_asking_all_images_the_same_is_what_the_network_itself_computes(
     images: list[dict[str, Any]],
 ) -> None:

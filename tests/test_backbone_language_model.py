@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
-from lerobot_owlxt5.backbones.small_t5 import SmallT5Config
+from lerobot_owlxt5.backbones.small_t5 import SmallT5Config, make_small_t5
 from lerobot_owlxt5.commands.verbs import VERBS
 from owlxt5_backbones import card
 from owlxt5_backbones.evaluate_language_model import evaluate_language_model
@@ -20,7 +21,7 @@ from owlxt5_backbones.grammar import (
     draw_translation,
     nouns,
 )
-from owlxt5_backbones.language_model import KINDS, draw_example
+from owlxt5_backbones.language_model import KINDS, draw_example, load_language_model
 from owlxt5_backbones.train import BackbonesConfig, train_language_model
 
 pytestmark = pytest.mark.slow  # trains
@@ -123,6 +124,19 @@ def test_a_miniature_model_learns_and_gets_a_card(tmp_path: Path, monkeypatch: p
     written = (tmp_path / "model" / "README.md").read_text(encoding="utf-8")
     assert table in written
     assert "--part=language_model --steps=300 --batch_size=16 --learning_rate=0.01" in written
+
+
+def test_more_layers_change_nothing_at_first(tmp_path: Path) -> None:
+    sizes = SmallT5Config(tmp_path / "small", vocab_size=300, d_model=16, d_kv=8, d_ff=32, num_layers=1)
+    make_small_t5(sizes, ["push the cube", "pull the ball"])
+    same, more = (
+        load_language_model(str(sizes.output_dir), tmp_path / "more", layers).eval() for layers in (None, 3)
+    )
+    tokens = torch.tensor([[7, 20, 9, 1]])
+    encodings = [model.encoder(tokens).last_hidden_state for model in (same, more)]
+    torch.testing.assert_close(*encodings)
+    assert (len(same.encoder.block), len(more.encoder.block)) == (1, 3)
+    assert more.config.num_layers == 3
 
 
 def test_the_embedded_model_answers_examples_that_it_was_not_trained_on() -> None:

@@ -4,12 +4,13 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.utils.data import IterableDataset, get_worker_info
-from transformers import AutoTokenizer, PreTrainedTokenizerBase, T5ForConditionalGeneration
+from transformers import AutoTokenizer, PreTrainedTokenizerBase, T5Config, T5ForConditionalGeneration
 
 from lerobot_owlxt5.backbones.language_model import IGNORED
 from lerobot_owlxt5.backbones.small_t5 import SmallT5Config, make_small_t5
@@ -122,10 +123,26 @@ def make_language_model(sizes: SmallT5Config) -> T5ForConditionalGeneration:
     return make_small_t5(sizes, texts)
 
 
-def load_language_model(name: str, folder: Path) -> T5ForConditionalGeneration:
-    """A T5 to go on with, from a folder or the Hub; its tokenizer is copied into the folder of the result."""
+def load_language_model(name: str, folder: Path, layers: int | None = None) -> T5ForConditionalGeneration:
+    """A T5 to go on with, from a folder or the Hub; its tokenizer is copied into the folder of the result.
+
+    It has no dropout: no example comes twice, so there is nothing to learn by heart.
+
+    Args:
+        name: Folder, or the Hub's id.
+        folder: Of the result.
+        layers: Layers of the encoder, if it is to have more. Those that come on top change nothing at first.
+    """
     AutoTokenizer.from_pretrained(name).save_pretrained(folder)
-    return T5ForConditionalGeneration.from_pretrained(name, dtype=torch.float32)
+    sizes = T5Config.from_pretrained(name, dropout_rate=0.0)
+    before, sizes.num_layers = sizes.num_layers, layers or sizes.num_layers
+    model = T5ForConditionalGeneration.from_pretrained(name, config=sizes, dtype=torch.float32)
+    encoder: Any = model.encoder
+    for block in encoder.block[before:]:
+        attention, feed_forward = block.layer
+        nn.init.zeros_(attention.SelfAttention.o.weight)
+        nn.init.zeros_(feed_forward.DenseReluDense.wo.weight)
+    return model
 
 
 def shipped_sizes(folder: Path, seed: int) -> SmallT5Config:

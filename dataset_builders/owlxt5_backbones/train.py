@@ -72,6 +72,8 @@ class BackbonesConfig:
     # Folder (or, for a T5, Hub id) of a model whose training to go on with: its weights, the data and steps
     # of this command.
     start_from: Path | None = None
+    # Layers of the encoder of the T5 in start_from, if it is to have more than there.
+    layers: int | None = None
 
     @property
     def recipe(self) -> Recipe:
@@ -97,6 +99,8 @@ class BackbonesConfig:
             options["images"] = self.images
         if self.start_from is not None:
             options["start_from"] = "…"
+        if self.layers is not None:
+            options["layers"] = self.layers
         return before + " ".join(
             ["owlxt5-backbones", *(f"--{key}={value}" for key, value in options.items())]
         )
@@ -166,7 +170,11 @@ def train_language_model(
     """Train on sentences, or on lessons in understanding; the T5 and the course of its loss."""
     recipe, kinds = config.recipe, TRAINED[config.part]
     start = config.start_from
-    model = load_language_model(str(start), config.model_dir) if start else make_language_model(sizes)
+    model = (
+        load_language_model(str(start), config.model_dir, config.layers)
+        if start
+        else make_language_model(sizes)
+    )
     arguments = _arguments(config)
     # A resumed run begins with the next example, rather than draw and drop all before.
     arguments.ignore_data_skip = True
@@ -190,7 +198,7 @@ def main(config: BackbonesConfig) -> None:
     """Make the data, train, evaluate, and say where the result is."""
     if config.part not in RECIPES:
         sys.exit(f"owlxt5-backbones: --part is one of {', '.join(RECIPES)}, not {config.part!r}")
-    check_numbers(config, "steps", "batch_size", "images", "learning_rate")
+    check_numbers(config, "steps", "batch_size", "images", "learning_rate", "layers")
     # Reads the card of the model to start from: better missing now than after hours.
     command = config.command
     if config.part == "detector":

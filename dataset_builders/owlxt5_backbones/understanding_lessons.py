@@ -50,7 +50,7 @@ from .understanding_grammar import (
 HELD_OUT = ("held_out_sentences.tsv", "held_out_sentences_2.tsv", "held_out_sentences_3.tsv")
 """Files of sentences to measure on."""
 SHARES = {
-    **{"wish": 0.26, "two": 0.11, "correction": 0.03, "forbidden": 0.1, "conditional": 0.06},
+    **{"wish": 0.26, "two": 0.11, "correction": 0.04, "forbidden": 0.09, "conditional": 0.06},
     **{
         "not_now": 0.05,
         "not_an_action": 0.11,
@@ -243,8 +243,8 @@ class _Filling:
         return clause.forms[form].format(said)
 
     def _how_many(self) -> int:
-        several = self._frame.kind == "wish" and not self._actions and self._rng.random() < 0.1
-        return (3 if self._rng.random() < 0.2 else 2) if several else 1
+        several = self._frame.kind == "wish" and not self._actions and self._rng.random() < 0.14
+        return (3 if self._rng.random() < 0.35 else 2) if several else 1
 
     def _draw_object(self) -> Thing:
         plain = self._rng.random() < _SHARE_PLAIN
@@ -275,7 +275,7 @@ def _accusative(pronoun: str) -> str:
     return {"er": "ihn", "ihm": "ihn", "ihr": "sie"}.get(pronoun, pronoun)
 
 
-_SHARE_CHATTY, _SHARE_WITHOUT_UMLAUTS, _SHARE_SLIPPED = 0.06, 0.1, 0.16
+_SHARE_CHATTY, _SHARE_WITHOUT_UMLAUTS, _SHARE_SLIPPED = 0.06, 0.1, 0.2
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss"})
 
 
@@ -319,10 +319,10 @@ def _chatty(rng: np.random.Generator, sentence: str, answer: Answer, language: s
 
 
 def _slipped(rng: np.random.Generator, sentence: str, answer: Answer) -> tuple[str, Answer]:
-    """One to three words misspelt, wherever they stand."""
-    found = [word for word in dict.fromkeys(said_words(sentence)) if len(word) >= 4 and word.isalpha()]
+    """One to five words misspelt, wherever they stand."""
+    found = [word for word in dict.fromkeys(said_words(sentence)) if len(word) >= 3 and word.isalpha()]
     slips: dict[str, str] = {}
-    for _ in range(min(len(found), int(rng.integers(1, 4)))):
+    for _ in range(min(len(found), int(rng.integers(1, 6)))):
         word = choice(rng, found)
         slips[word] = _misspell(rng, word)
     if {*slips.values()} & {*said_words(sentence)}:
