@@ -76,7 +76,7 @@ def test_the_options_are_named_as_in_the_conditions_that_they_draw() -> None:
 
 @pytest.mark.parametrize(
     ("option", "value"),
-    [("arms_deg", -1), ("shift_cm", 5), ("light", 0), ("light", 2), ("jpeg", 96), ("noise", float("nan"))],
+    [("arms_deg", -1), ("shift_cm", 7), ("light", 0), ("light", 2), ("jpeg", 96), ("noise", float("nan"))],
 )
 def test_a_variation_out_of_range_is_refused(option: str, value: float) -> None:
     with pytest.raises(ValueError, match=rf"variation\.{option} must lie .* got {value}"):

@@ -23,13 +23,13 @@ _DIGITS = 3  # of what is drawn: a scene's facts stay short and still give the v
 
 _LARGEST = {
     "arms_deg": 45.0,
-    "shift_cm": 4.0,
+    "shift_cm": 6.0,
     "camera_cm": 10.0,
     "camera_deg": 20.0,
     "noise": 64.0,
     "blur": 10.0,
 }
-"""Two objects that are shifted farther than 4 cm could meet; beyond the others, little is to be made out."""
+"""A movement shifts an object by 6 cm; beyond the others, little is to be made out."""
 
 
 @dataclass(frozen=True)
