@@ -249,7 +249,7 @@ def test_demonstrations_that_fail_are_not_written(tmp_path: Path):
     ("options", "message"),
     [
         (("--placement=free", "--source=/nowhere"), "--placement=free needs --source=scripted"),
-        (("--placement=anywhere",), "placement must be one of slots, free; got 'anywhere'"),
+        (("--placement=anywhere",), "placement must be one of slots, free, mixed; got 'anywhere'"),
     ],
 )
 def test_a_placement_that_cannot_be_is_refused(tmp_path: Path, options: tuple[str, ...], message: str):

@@ -20,6 +20,7 @@ from nico_tabletop.placement import (
     SLOT_POSES,
     Pose,
     draw_poses,
+    find_placement,
     half_width,
 )
 from nico_tabletop.robot import INITIAL_POSE_DEG
@@ -42,6 +43,12 @@ def test_free_poses_lie_in_the_region_and_apart(seed: int) -> None:
 @given(seeds)
 def test_a_seed_draws_the_same_poses(seed: int) -> None:
     assert draw_poses(np.random.default_rng(seed)) == draw_poses(np.random.default_rng(seed))
+
+
+def test_mixed_poses_are_the_slots_or_free() -> None:
+    drawn = [find_placement("mixed")(np.random.default_rng(seed)) for seed in range(200)]
+    assert sum(poses == SLOT_POSES for poses in drawn) == pytest.approx(100, abs=25)
+    assert len({*drawn}) > 75
 
 
 def test_the_slots_lie_in_the_region() -> None:
@@ -116,7 +123,7 @@ def test_lerobots_configuration_passes_the_placement_on() -> None:
 
 
 def test_another_placement_is_refused() -> None:
-    with pytest.raises(ValueError, match="placement must be one of slots, free; got 'anywhere'"):
+    with pytest.raises(ValueError, match="placement must be one of slots, free, mixed; got 'anywhere'"):
         ClaeoEnvConfig(placement="anywhere").create_envs(n_envs=1)
-    with pytest.raises(ValueError, match="placement must be one of slots, free"):
+    with pytest.raises(ValueError, match="placement must be one of slots, free, mixed"):
         TabletopEnv("PUSH-L", "clant", placement="anywhere")

@@ -51,7 +51,7 @@ class Build:
 
     Attributes:
         objects: What its episodes show: name of a shipped set, or a YAML file with `path/to` for its folders.
-        placement: Where its objects stand, `slots` or `free`.
+        placement: Where its objects stand: `slots`, `free` or `mixed`.
         release: Made from the original release, which states no licence; from a script of our own otherwise.
         command: The command that makes it, without any path of the machine that it ran on.
         versions: The packages that made it, such as `mujoco 4.0.0`.

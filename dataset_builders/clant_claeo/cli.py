@@ -34,7 +34,8 @@ class DatasetConfig:
     objects: str = "clant"
     # The folder CLANT of the original release, or `scripted` for the built-in expert (needs no download).
     source: str = "scripted"
-    # Where the scripted expert's objects stand: `slots`, or `free`: anywhere in reach, at any yaw.
+    # Where the scripted expert's objects stand: on the `slots`; `free`: anywhere in reach, at any yaw;
+    # `mixed`: half of the demonstrations so, half so.
     placement: str = "slots"
     # How much each demonstration may differ from the paper's setting, such as `--variation.arms_deg=5`.
     variation: Variation = field(default_factory=Variation)

@@ -136,17 +136,17 @@ def scripted(
     Six objects have just 120 arrangements; of more objects 120 are drawn, with a fixed seed, and fewer than
     six have fewer (our decision).
 
-    Placement `free` (see `nico_tabletop.placement`) gives the k-th demonstration poses of its own, drawn from
-    `numpy.random.default_rng((seed, k))`: the same ones for all objects. Its sentence to translate is
-    about its objects. Sentence and conditions are drawn from generators of their own: poses stay the same,
-    whatever varies.
+    Placements `free` and `mixed` (see `nico_tabletop.placement`) give the k-th demonstration poses of its
+    own, drawn from `numpy.random.default_rng((seed, k))`: the same ones for all objects. Its sentence to
+    translate is about its objects. Sentence and conditions are drawn from generators of their own: poses stay
+    the same, whatever varies.
 
     Each action has 30 test episodes, as in the release: those whose arrangement's and action's numbers add up
     to a multiple of four (our decision).
 
     Args:
         objects: Name of a shipped set, such as `claeo`, or path of a YAML file.
-        placement: `slots` or `free`.
+        placement: `slots`, `free` or `mixed`.
         seed: Of the free placement, of the sentences and of the conditions.
         variation: How much each demonstration may differ from the paper's setting; None: not at all.
 

@@ -22,7 +22,7 @@ class NicoSimConfig(RobotConfig):
         objects: The name of a shipped set (`clant`, `claeo`, `household`) or the path of a YAML file
             (docs/objects.md).
         arrangement: The left, middle and right object, such as `red,green,blue`; drawn when unset.
-        placement: `slots` (CLANT's three places) or `free` (anywhere in reach, at any yaw).
+        placement: `slots` (CLANT's three places), `free` (anywhere in reach, at any yaw) or `mixed`.
         seed: Of what is drawn: the same scenes as in the environments, one after another.
         height: Rows of the eyes' image.
         width: Columns of the eyes' image.

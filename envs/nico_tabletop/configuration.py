@@ -30,7 +30,8 @@ class TabletopEnvConfig(EnvConfig):
     Attributes:
         task: CLANT's action names, separated by commas, such as `PUSH-L,SLIDE-M-R`; all twelve when unset.
             The task id of an action is its place in CLANT's order, whatever is chosen.
-        placement: `slots` (objects stand on CLANT's three slots) or `free` (anywhere in reach, at any yaw).
+        placement: `slots` (objects stand on CLANT's three slots), `free` (anywhere in reach, at any yaw) or
+            `mixed` (now so, now so).
         observation_height: Rows of the eyes' image.
         observation_width: Columns of the eyes' image.
         objects: Objects on the table: the name of a shipped set (`clant`, `claeo`, `household`) or the path

@@ -103,7 +103,8 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
             objects: Name of a shipped set of objects (`objects.SHIPPED`) or path of a YAML file.
             height: Rows of the eyes' image.
             width: Columns of the eyes' image.
-            placement: `slots` (CLANT's three places) or `free` (drawn anew in each reset, `draw_poses`).
+            placement: `slots` (CLANT's three places), `free` (drawn anew in each reset, `draw_poses`) or
+                `mixed` (each in half of the resets).
             render_mode: Gymnasium's; `rgb_array` is the only one.
             record: File to which each finished episode is added, see `record.Episode`.
             variation: How much each reset may differ from the paper's setting; None: not at all.

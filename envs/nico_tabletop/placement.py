@@ -60,9 +60,15 @@ def draw_poses(random: np.random.Generator) -> Poses:
             return left, middle, right
 
 
+def draw_mixed(random: np.random.Generator) -> Poses:
+    """The slots in half of the draws, `draw_poses` in the others: to learn both."""
+    return SLOT_POSES if random.random() < 0.5 else draw_poses(random)
+
+
 PLACEMENTS: dict[str, Callable[[np.random.Generator], Poses]] = {
     "slots": lambda _: SLOT_POSES,
     "free": draw_poses,
+    "mixed": draw_mixed,
 }
 """Ways to place the objects of an episode."""
 
