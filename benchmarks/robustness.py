@@ -11,7 +11,6 @@ kept in a file, where a run that was broken off goes on. Uses one core; several 
 
 import hashlib
 import json
-import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -21,21 +20,17 @@ from typing import Any
 import draccus
 import torch
 from cells import CELLS, Cell
-from draccus.utils import ParsingError
 from lerobot.configs import parser
 from rich.console import Console
 from rich.table import Table
 from rollout import Rollout, Times, Told
 from tqdm import tqdm
 from understanding import rate
-from yaml import YAMLError
 
 from lerobot_owlxt5.command_line import (
     check_given,
     check_numbers,
-    explain,
-    quote_texts,
-    write_whatever_the_locale,
+    run_with_policy,
 )
 from lerobot_owlxt5.evaluation.cli import load_policy
 from lerobot_owlxt5.executing_policy import ExecutingPolicy
@@ -224,13 +219,7 @@ def _robustness(config: RobustnessConfig) -> None:
 
 def main() -> None:
     """Entry point; an error that the user can mend ends in one message and exit status 1."""
-    write_whatever_the_locale()
-    # LeRobot's parser, which knows --policy.path, reads them from here.
-    sys.argv[1:] = quote_texts(RobustnessConfig, sys.argv[1:])
-    try:
-        _robustness()
-    except (OSError, ValueError, ParsingError, YAMLError) as error:
-        sys.exit(f"robustness: {explain(error)}")
+    run_with_policy("robustness", RobustnessConfig, _robustness)
 
 
 if __name__ == "__main__":

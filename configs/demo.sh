@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 #
-# The whole way at a small scale: make a dataset, train owlxt5 on it with lerobot-train, evaluate it with
-# lerobot-eval on cubes, which it was trained on, and on everyday objects, which it never saw. `make demo` runs
-# this. With OWLXT5_CLANT_DIR set, it learns the original release's trajectories; a scripted expert's otherwise.
+# First the policy that is part of the package, where there is one, on a few everyday objects. Then the whole
+# way at a small scale: make a dataset, train owlxt5 on it with lerobot-train, evaluate it with lerobot-eval on
+# cubes, which it was trained on, and on everyday objects, which it never saw. `make demo` runs this. With OWLXT5_CLANT_DIR set, it learns the original release's trajectories; a scripted expert's otherwise.
 #
 # Usage: configs/demo.sh [ARRANGEMENTS [STEPS [EPISODES]]]: arrangements of cubes to learn from (of 120), steps
 # of training, episodes of each of the twelve actions in each evaluation.
@@ -46,6 +46,15 @@ rm -rf $out
 mkdir -p $out
 source=${OWLXT5_CLANT_DIR:-scripted}
 data=$out/clant
+
+# A few episodes, so that there is something to see before all the rest: one of each verb.
+if shipped=$(owlxt5-policy 2>/dev/null); then
+    step "First the trained policy of the package, on everyday objects that it never saw" shipped \
+        lerobot-eval --policy.path="$shipped" --env.type=claeo --env.task=PUSH-L,PULL-R,SLIDE-M-L,SLIDE-M-R \
+        --eval.n_episodes=1 --eval.batch_size=1 --output_dir=$out/shipped --env.output_dir=$out/shipped
+    python -m nico_tabletop.report $out/shipped/eval_info.json --image $out/shipped.png
+    printf '\nNow a policy of your own, from the beginning.\n'
+fi
 
 step "1/3 Dataset: $arrangements of 120 arrangements of cubes" dataset \
     owlxt5-dataset --objects=clant --source="$source" --arrangements=$arrangements --root=$data \

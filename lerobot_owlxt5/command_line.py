@@ -58,6 +58,24 @@ def command(name: str, *errors: type[Exception]) -> Callable[[Callable[[Any], No
     return decorate
 
 
+def run_with_policy(name: str, config_class: type, function: Callable[[], None]) -> None:
+    """Run a function that LeRobot's `parser.wrap()` decorates, which knows --policy.path.
+
+    As with `command`, texts stay as they were typed, and an error that the user can mend ends in one line.
+
+    Args:
+        name: What its messages begin with.
+        config_class: Of its options.
+        function: Reads them from `sys.argv`.
+    """
+    write_whatever_the_locale()
+    sys.argv[1:] = quote_texts(config_class, sys.argv[1:])
+    try:
+        function()
+    except (OSError, ValueError, ParsingError, yaml.YAMLError) as error:
+        sys.exit(f"{name}: {explain(error)}")
+
+
 def write_whatever_the_locale() -> None:
     """Print a question mark for what the terminal's encoding lacks: a command does not end because of it."""
     for stream in (sys.stdout, sys.stderr):

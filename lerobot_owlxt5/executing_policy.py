@@ -24,6 +24,7 @@ from .look_again import Memory, changed, displaced
 from .model.crossmodal_model import CrossmodalModel
 from .scene import Scene, Search
 from .sighting import Sighting, find, without_objects
+from .text_query import Query, answer
 from .validation import check_state, read_tasks
 from .visual_encoder import ObjectFinder, VisualEncoder
 from .way_home import straight
@@ -151,6 +152,37 @@ class ExecutingPolicy(PreTrainedPolicy):
         self._spoken_of = [execution.spoken_of for execution in begun]
         return torch.stack([execution.chunk(self.config.max_episode_steps) for execution in begun])
 
+    def supports_text_generation(self) -> bool:
+        """Whether `generate_text` answers: always. LeRobot's `--interactive` asks it."""
+        return True
+
+    @torch.no_grad()
+    def generate_text(self, batch: dict[str, Any]) -> str:
+        """Answer what somebody asks while the robot goes on with its task.
+
+        It looks at the image of this moment, and changes nothing that `select_action` depends on. A question
+        is answered. Of anything else it says what it would do about it as a task, and does not do it.
+
+        Args:
+            batch: Observation of one robot with its `task`. What is asked is in `query_text`, as LeRobot's
+                `/vqa` has it, or else the task itself. Where `query_kind` is `next_subtask`, as
+                `/autosteer` has it, the goal comes back as the one subtask: it is carried out wish by wish.
+
+        Returns:
+            At least one sentence.
+
+        Raises:
+            ValueError: If the batch is of several robots, or has other joints than in training.
+        """
+        self._begin("execute")
+        query = Query.of(batch)
+        if query.wants_subtask:
+            return query.text
+        before = self._spoken_of[0] if len(self._spoken_of) == 1 else None
+        instruction = self._instruct(query.text, before)
+        [sighting], _ = self._look(batch, [_search(instruction, before)])
+        return answer(instruction, sighting)
+
     def _is_due(self, index: int, task: str) -> bool:
         """Whether a robot has a new task, or something comes at its path's end."""
         execution = self._executions[index]
@@ -215,9 +247,7 @@ class ExecutingPolicy(PreTrainedPolicy):
         ]
         # Who goes home first looks there.
         searches = [
-            Search(None)
-            if home
-            else Search(each.target, spoken, takes_best=each.trained, wants_report=each.wants_report)
+            Search(None) if home else _search(each, spoken)
             for each, spoken, home in zip(instructions, before, goes_home, strict=True)
         ]
         seen, features = self._look(batch, searches)
@@ -328,3 +358,9 @@ class ExecutingPolicy(PreTrainedPolicy):
         understanding = Understanding(config.understanding, config.understanding_revision)
         config.understanding_revision = understanding.revision
         return understanding
+
+
+def _search(instruction: Instruction, before: Target | None) -> Search:
+    """What to look for, for an instruction; `before` was spoken of last."""
+    trained, report = instruction.trained, instruction.wants_report
+    return Search(instruction.target, before, takes_best=trained, wants_report=report)

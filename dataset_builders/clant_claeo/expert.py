@@ -14,10 +14,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_tabletop.objects import CUBE_HALF_WIDTH, read_objects
+from nico_tabletop.clearance import Clearance
+from nico_tabletop.objects import CUBE_HALF_WIDTH
 from nico_tabletop.placement import OutOfReachError, Pose
 from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES
-from nico_tabletop.scene import TABLE_HEIGHT, build_model, resting_place
+from nico_tabletop.scene import TABLE_HEIGHT, build_model
 from nico_tabletop.simulation import CONTROL_HZ
 from nico_tabletop.tasks import Action, Verb
 
@@ -95,11 +96,8 @@ def _robot() -> mujoco.MjModel:
 
 
 @cache
-def _cubes() -> mujoco.MjModel:
-    """The robot and three cubes, which feel a hand that is closer than `_MARGIN`."""
-    model = build_model(read_objects("clant")[:3])
-    model.geom_margin[:] = _MARGIN
-    return model
+def _clearance() -> Clearance:
+    return Clearance(_MARGIN)
 
 
 class _Arm:
@@ -239,20 +237,11 @@ def plan(
 
 def _is_clear(rows: NDArray[np.float64], acting: str, slot: int, poses: Sequence[Pose]) -> bool:
     """Whether the acting hand, once risen, stays `_MARGIN` away from all objects but the one to move."""
-    model = _cubes()
-    data = mujoco.MjData(model)
-    names = [item.name for item in read_objects("clant")[:3]]
-    for name, pose in zip(names, poses, strict=True):
-        data.joint(name).qpos[:] = resting_place(pose)
-    others = [model.body(name).id for index, name in enumerate(names) if index != slot]
-    hand = model.body(f"{acting}_palm_11").id
-    joints = [model.joint(name).qposadr[0] for name in JOINT_NAMES]
+    clearance = _clearance()
+    others = [cube for index, cube in enumerate(clearance.cubes) if index != slot]
+    hand = clearance.model.body(f"{acting}_palm_11").id
     for row in rows[round(_RISE_SECONDS * CONTROL_HZ) :]:
-        data.qpos[joints] = np.deg2rad(row)
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_collision(model, data)
-        # Whether the margins of two geoms add up depends on MuJoCo's version.
-        bodies = model.geom_bodyid[data.contact.geom[data.contact.dist < _MARGIN]]
+        bodies = clearance.model.geom_bodyid[clearance.near(poses, row)]
         if ((bodies == hand).any(axis=1) & np.isin(bodies, others).any(axis=1)).any():
             return False
     return True

@@ -307,7 +307,7 @@ def _as_people_write(
 
 def _chatty(rng: np.random.Generator, sentence: str, answer: Answer, language: str) -> str:
     """Words as in short messages, such as "pls"; a name stays as it is."""
-    short = {word: forms.split("|") for word, forms in (line.split("=") for line in words("chat", language))}
+    short = _short_forms(language)
     names = {*said_words(format_answer(answer))}
 
     def shortened(word: str) -> str:
@@ -316,6 +316,12 @@ def _chatty(rng: np.random.Generator, sentence: str, answer: Answer, language: s
         )
 
     return _each_word(sentence, shortened)
+
+
+@cache
+def _short_forms(language: str) -> dict[str, list[str]]:
+    """How a word is written in short messages, by the word."""
+    return {word: forms.split("|") for word, forms in (line.split("=") for line in words("chat", language))}
 
 
 def _slipped(rng: np.random.Generator, sentence: str, answer: Answer) -> tuple[str, Answer]:

@@ -5,14 +5,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 
-import mujoco
 import numpy as np
 
-from .objects import read_objects
+from .clearance import Clearance
 from .placement import Pose
-from .robot import JOINT_NAMES
-from .scene import build_model, resting_place
-from .tasks import SLOTS
 from .variation import Conditions, Variation
 
 _CLEAR = 0.003
@@ -25,11 +21,8 @@ class CrowdedError(ValueError):
 
 
 @cache
-def _cubes() -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """The robot and three cubes, which feel what is closer than `_CLEAR`; all objects are such cubes."""
-    model = build_model(read_objects("clant")[: len(SLOTS)])
-    model.geom_margin[:] = _CLEAR
-    return model, mujoco.MjData(model)
+def _clearance() -> Clearance:
+    return Clearance(_CLEAR)
 
 
 def hands_are_clear(poses: Sequence[Pose], conditions: Conditions) -> bool:
@@ -39,16 +32,10 @@ def hands_are_clear(poses: Sequence[Pose], conditions: Conditions) -> bool:
         poses: Where the three objects are placed.
         conditions: Which say how far off these poses they stand, and where the arms are.
     """
-    model, data = _cubes()
-    names = [item.name for item in read_objects("clant")[: len(SLOTS)]]
-    for name, pose in zip(names, conditions.shifted(poses), strict=True):
-        data.joint(name).qpos[:] = resting_place(pose)
-    joints = [model.joint(name).qposadr[0] for name in JOINT_NAMES]
-    data.qpos[joints] = np.deg2rad(conditions.start_pose_deg)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_collision(model, data)
-    near = data.contact.geom[data.contact.dist < _CLEAR]
-    objects = np.isin(model.geom_bodyid[near], [model.body(name).id for name in names])
+    clearance = _clearance()
+    model = clearance.model
+    near = clearance.near(conditions.shifted(poses), conditions.start_pose_deg)
+    objects = np.isin(model.geom_bodyid[near], clearance.cubes)
     table = near == model.geom("table").id
     return not (objects.any(axis=1) & ~table.any(axis=1)).any()
 

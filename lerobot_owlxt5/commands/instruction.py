@@ -33,6 +33,7 @@ class Instruction:
         wants_report: Whether a look at the table is the reply.
         later: What was asked for besides, to be done after it.
         trained: Whether it is a task of the training data, which is carried out as it was trained.
+        asks: Whether it is a question.
     """
 
     prompt: str
@@ -42,6 +43,7 @@ class Instruction:
     wants_report: bool = False
     later: tuple[Action, ...] = ()
     trained: bool = False
+    asks: bool = False
 
     def obstacle(self, problem: str, far: bool) -> str:
         """A sentence on why nothing is done, or in place of it; empty if the robot may move.
@@ -124,9 +126,9 @@ class TaskReader:
             case Hold(reason):
                 return _reply(HOLDS[reason])
             case Question("scene"):
-                return Instruction(execute_prompt(""), wants_report=True)
+                return Instruction(execute_prompt(""), wants_report=True, asks=True)
             case Question(kind):
-                return _reply(REPLIES[kind])
+                return Instruction(execute_prompt(""), reply=REPLIES[kind], asks=True)
         first, *later = answer.actions
         if not first.clear:
             return _reply(ask_back(first))

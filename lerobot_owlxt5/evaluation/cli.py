@@ -2,23 +2,20 @@
 """`owlxt5-evaluate`: the figures of all modes of a checkpoint on a dataset (docs/evaluation.md)."""
 
 import datetime as dt
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
-from draccus.utils import ParsingError
 from lerobot.configs import PreTrainedConfig, parser
 from lerobot.configs.default import DatasetConfig
 from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot.utils.constants import ACTION, OBS_PREFIX
 from rich.console import Console
-from yaml import YAMLError
 
-from ..command_line import check_given, check_numbers, explain, quote_texts, write_whatever_the_locale
+from ..command_line import check_given, check_numbers, run_with_policy
 from ..configuration_crossmodal import CrossmodalConfig
 from ..configuration_owlxt5 import GROUND_TRUTH
 from ..data.episode_store import find_long_episode
@@ -231,13 +228,7 @@ def _evaluate(config: EvaluateConfig) -> None:
 
 def main() -> None:
     """Entry point; an error that the user can mend ends in one message and exit status 1."""
-    write_whatever_the_locale()
-    # LeRobot's parser, which knows --policy.path, reads them from here.
-    sys.argv[1:] = quote_texts(EvaluateConfig, sys.argv[1:])
-    try:
-        _evaluate()
-    except (OSError, ValueError, ParsingError, YAMLError) as error:
-        sys.exit(f"owlxt5-evaluate: {explain(error)}")
+    run_with_policy("owlxt5-evaluate", EvaluateConfig, _evaluate)
 
 
 if __name__ == "__main__":
