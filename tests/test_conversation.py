@@ -47,6 +47,16 @@ def test_a_play_goes_as_it_is_written(stage: Stage, play: Play) -> None:
         robot.disconnect()
 
 
+def test_the_documented_transcript_is_a_play() -> None:
+    root = Path(__file__).parents[1]
+    talk = (root / "docs" / "talk.md").read_text("utf-8")
+    said = [line[7:] for line in talk.splitlines() if line.startswith(("you:   ", "robot: "))]
+    play = next(play for play in PLAYS if play.name == "talk")
+    turns = [turn for scene in play.scenes for turn in scene.turns]
+    assert said == [text for turn in turns for text in (turn.says, *turn.answers)]
+    assert len(turns) >= 20
+
+
 def test_the_plays_are_long_enough() -> None:
     assert sum(play.turns for play in PLAYS) >= 60
     assert sum(len(play.scenes) for play in PLAYS) >= 5

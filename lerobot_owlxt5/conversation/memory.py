@@ -60,7 +60,7 @@ class Memory:
         if self.still:
             because = self.still.removeprefix(_HOLDING)
             return (
-                f"I held still, because {because}" if because != self.still else f"This is why: {self.still}"
+                f"I held still, because {because}" if because != self.still else f"I held still. {self.still}"
             )
         if self.doing:
             return f"I am moving: {self.doing}"
