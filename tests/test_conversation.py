@@ -43,7 +43,7 @@ def test_a_play_goes_as_it_is_written(stage: Stage, play: Play) -> None:
         # An image takes longer than all else: it is drawn for a look alone.
         assert robot.looks <= 4 * len(scene.turns)
         # Who looks and finds nothing sends the arms where they are, once.
-        assert play.moves or robot.actions <= len(scene.turns) / 4
+        assert play.moves or robot.actions <= len(scene.turns) / 2
         robot.disconnect()
 
 
