@@ -277,6 +277,25 @@ def test_a_miniature_detector_learns_is_evaluated_and_gets_a_card(
     assert "--steps=5 " in second
 
 
+def test_a_share_of_what_is_learnt_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(train, "_VALIDATION_IMAGES", 48)
+    start = tmp_path / "start"
+    model, processor = make_detector_model(TINY, 0)
+    model.save_pretrained(start)
+    processor.save_pretrained(start)
+    learnt, half = (
+        train_detector(
+            BackbonesConfig(
+                "detector", tmp_path / f"{share}", 3, 8, 1e-3, images=48, start_from=start, share=share
+            ),
+            TINY,
+        )[0]
+        for share in (1.0, 0.5)
+    )
+    for old, new, mixed in zip(model.parameters(), learnt.parameters(), half.parameters(), strict=True):
+        torch.testing.assert_close(mixed.float(), (old + new.float()) / 2, atol=2e-3, rtol=2e-3)
+
+
 def test_an_image_that_is_looked_at_once_shows_the_same() -> None:
     detector = ZeroShotDetector(EMBEDDED, None, None, "eyes")
     observation = {"eyes": torch.rand(2, 3, 120, 160, generator=torch.Generator().manual_seed(0))}
