@@ -10,23 +10,22 @@ from lerobot.policies.pretrained import PreTrainedPolicy
 from lerobot.utils.constants import OBS_STATE
 from torch import Tensor
 
-from .backbones.understanding import Understanding, Understood
-from .commands.answer import Action, Request, Target, format_answer
-from .commands.happened import Change
-from .commands.instruction import Instruction, TaskReader, spoken_of, target_of
-from .commands.parser import named_objects, parse_command
-from .commands.replies import GOING_HOME, NO_OBJECTS_SEEN
-from .configuration_crossmodal import NO_UNDERSTANDING, CrossmodalConfig
+from .backbones.understanding import Understood
+from .commands.answer import Request, Target, format_answer
+from .commands.instruction import Instruction, spoken_of
+from .commands.replies import GOING_HOME
+from .configuration_crossmodal import CrossmodalConfig
 from .data.start_pose import NEAR, is_far
 from .data.windows import first_pose, samples_at, still
 from .execution import Execution, Next, carry_out
-from .look_again import Memory, changed, displaced
+from .listener import Listener
+from .look_again import Memory
 from .model.crossmodal_model import CrossmodalModel
 from .scene import Scene, Search
-from .sighting import Sighting, find, without_objects
+from .sighting import Sight, Sighting
 from .text_query import Query, answer
 from .validation import check_state, read_tasks
-from .visual_encoder import ObjectFinder, VisualEncoder
+from .visual_encoder import VisualEncoder
 from .way_home import straight
 
 
@@ -37,7 +36,6 @@ class ExecutingPolicy(PreTrainedPolicy):
         responses: One sentence for each environment: before and in a movement what the robot is going to do,
             after it what it sees that it did; empty before the first.
         reported: The last movement of each robot whose report is there; None before the first.
-        last_scenes: What was seen at the last look, a scene for each environment that looked.
         rest_pose: Mean first pose of the training data, (joints,), scaled to [-1, 1].
         rest_tolerance: How far from it each joint may be when a plan begins, (joints,), scaled.
     """
@@ -67,16 +65,12 @@ class ExecutingPolicy(PreTrainedPolicy):
         self._spoken_of: list[Target | None] = []
         self._agreed: dict[str, Request] = {}
         self.responses: list[str] = []
-        self.last_scenes: list[Scene] = []
         self.reported: list[Execution | None] = []
+        vars(self).pop("sight", None)  # a new one has seen nothing
 
     def understand(self, sentence: str) -> Understood:
         """What a sentence asks for, as `select_action` takes it; nothing is done about it."""
-        command = self._reader.command(sentence)
-        if command is None and self._understanding:
-            return self._understanding(sentence)
-        command = command or parse_command(sentence)
-        return Understood(Request((Action(command.verb, target_of(command.object)),)), 1.0, True)
+        return self.listener.understand(sentence)
 
     def agree(self, request: Request, words: str = "") -> str:
         """Note what a person wants for sure, as after a question: nobody has to understand it again.
@@ -235,7 +229,8 @@ class ExecutingPolicy(PreTrainedPolicy):
     def _go_on(self, batch: dict[str, Any], due: Sequence[int]) -> None:
         """Do what comes next for some environments, of which the batch is: its i-th sample is `due[i]`'s."""
         last = [self._executions[index] for index in due]
-        changes = self._look_again(batch, last)
+        waiting = [each.memory if each and each.waits else None for each in last]
+        changes = self.sight.compare(batch, waiting)
         instructions = dict[int, Instruction]()
         for sample, (index, task) in enumerate(zip(due, read_tasks(batch), strict=True)):
             execution, change = last[sample], changes[sample]
@@ -248,8 +243,7 @@ class ExecutingPolicy(PreTrainedPolicy):
                 execution.next, execution.change, self.reported[index] = Next.NOTHING, change, execution
                 self.responses[index] = execution.report(change)
                 if later := execution.instruction.later:
-                    read = self._reader.read_answer
-                    instructions[sample] = read(Request(later), True, self._spoken_of[index])
+                    instructions[sample] = self.listener.instruct_later(later, self._spoken_of[index])
         if not instructions:
             return
         chosen = [*instructions]
@@ -311,46 +305,19 @@ class ExecutingPolicy(PreTrainedPolicy):
         return executions
 
     def scenes(self, batch: dict[str, Any]) -> list[Scene]:
-        """What is seen now, for somebody to ask.
+        """What is seen now, for somebody to ask: one scene for each robot.
 
         Args:
             batch: Observations of robots, as `select_action` takes them.
 
-        Returns:
-            One for each robot.
-
         Raises:
             ValueError: If the policy sees whole images and no objects.
         """
-        if not self.visual.names_objects:
-            raise ValueError(NO_OBJECTS_SEEN)
-        labels = named_objects(self.config.tasks or [])
-        self.last_scenes = cast(ObjectFinder, self.visual).scenes(batch, labels, self._in_english)
-        return self.last_scenes
+        return self.sight.scenes(batch)
 
     def _look(self, batch: dict[str, Any], searches: Sequence[Search]) -> tuple[list[Sighting], Tensor]:
-        """Find what is meant: sightings, and the network's features (batch, 1, dim).
-
-        Without a detector, what a name means is for the network to tell.
-        """
-        if self.visual.names_objects:
-            seen = [find(*each) for each in zip(self.scenes(batch), searches, strict=True)]
-            things = [sighting.thing for sighting in seen]
-            return seen, cast(ObjectFinder, self.visual).features(batch, things)
-        seen = [without_objects(search) for search in searches]
-        return seen, self.visual.encode(batch, [sighting.name for sighting in seen]).features[:, :1]
-
-    def _look_again(
-        self, batch: dict[str, Any], executions: Sequence[Execution | None]
-    ) -> list[Change | None]:
-        """What has changed for those whose movement is over; None for the others."""
-        memories = [each.memory if each and each.waits else None for each in executions]
-        if not any(memories):
-            return [None] * len(memories)
-        scenes = self.scenes(batch)
-        return [
-            changed(memory, scene) if memory else None for memory, scene in zip(memories, scenes, strict=True)
-        ]
+        """Find what is meant: sightings, and the network's features (batch, 1, dim)."""
+        return self.sight.find(batch, searches)
 
     def _follow_things(self, batch: dict[str, Any]) -> None:
         """Pass over to new plans where a thing is elsewhere now that is about to be moved."""
@@ -359,47 +326,29 @@ class ExecutingPolicy(PreTrainedPolicy):
             return
         executions = [cast(Execution, self._executions[index]) for index in moving]
         memories = [cast(Memory, execution.memory) for execution in executions]
-        now = samples_at(batch, moving)
-        things = [displaced(*each) for each in zip(memories, self.scenes(now), strict=True)]
-        if not any(things):
+        now, features = self.sight.follow(samples_at(batch, moving), memories)
+        if not any(now):
             return
-        features = cast(ObjectFinder, self.visual).features(now, things)
         starts = torch.stack([execution.start for execution in executions])
         prompts = [execution.instruction.prompt for execution in executions]
         plans = self.model.plan(prompts, features, still(starts), self.config.max_episode_steps)
-        for execution, plan, memory, thing in zip(executions, plans, memories, things, strict=True):
-            if thing:
-                execution.change_plan(plan, Memory(thing, memory.others))
+        for execution, plan, memory in zip(executions, plans, now, strict=True):
+            if memory:
+                execution.change_plan(plan, memory)
 
     def _instruct(self, task: str, before: Target | None) -> Instruction:
         """What a task asks for; `before` was spoken of last."""
-        reader = self._reader
-        instruction = reader.read_task(task)
-        if instruction is not None:
-            return instruction
-        if task in self._agreed:
-            return reader.read_answer(self._agreed[task], True, before)
-        if self._understanding is None:
-            return reader.read_words(task)
-        understood = self._understanding(task)
-        return reader.read_answer(understood.answer, understood.sure, before, understood.unknown)
-
-    @property
-    def _reader(self) -> TaskReader:
-        return TaskReader(tuple(self.config.tasks or ()), self.visual.names_objects)
-
-    def _in_english(self, name: str) -> str:
-        return self._understanding.in_english(name) if self._understanding else name
+        return self.listener.instruct(task, before, self._agreed.get(task))
 
     @cached_property
-    def _understanding(self) -> Understanding | None:
-        """Loaded when something is said that no training had. It is no part of a checkpoint."""
-        config = self.config
-        if config.understanding == NO_UNDERSTANDING:
-            return None
-        understanding = Understanding(config.understanding, config.understanding_revision)
-        config.understanding_revision = understanding.revision
-        return understanding
+    def listener(self) -> Listener:
+        """Says what a task asks for."""
+        return Listener(self.config, self.visual.names_objects)
+
+    @cached_property
+    def sight(self) -> Sight:
+        """Looks at images."""
+        return Sight(self.visual, self.listener)
 
 
 def _search(instruction: Instruction, before: Target | None) -> Search:

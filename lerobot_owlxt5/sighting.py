@@ -1,11 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a policy saw of what it was asked for, before it plans."""
+"""How a policy looks: what it sees of what it was asked for, before, in and after a movement."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, cast
 
+from torch import Tensor
+
+from .commands.happened import Change
 from .commands.replies import NO_OBJECTS_SEEN
-from .look_again import Memory, remember
+from .listener import Listener
+from .look_again import Memory, changed, displaced, remember
 from .scene import Scene, Search, Thing
+from .visual_encoder import ObjectFinder, VisualEncoder
 
 
 @dataclass(frozen=True)
@@ -25,7 +32,65 @@ class Sighting:
     memory: Memory | None
 
 
-def find(scene: Scene, search: Search) -> Sighting:
+class Sight:
+    """Looks at images with a policy's visual encoder, for names that its listener knows.
+
+    All batches are observations as `select_action` takes them; of several steps the first counts.
+
+    Attributes:
+        last: What was seen at the last look, a scene for each robot that looked.
+    """
+
+    def __init__(self, visual: VisualEncoder, listener: Listener) -> None:
+        self._visual, self._listener = visual, listener
+        self.last: list[Scene] = []
+
+    def scenes(self, batch: Mapping[str, Any]) -> list[Scene]:
+        """What is seen now, for somebody to ask.
+
+        Raises:
+            ValueError: If the policy sees whole images and no objects.
+        """
+        if not self._visual.names_objects:
+            raise ValueError(NO_OBJECTS_SEEN)
+        finder, listener = cast(ObjectFinder, self._visual), self._listener
+        self.last = finder.scenes(batch, listener.labels, listener.in_english)
+        return self.last
+
+    def find(self, batch: Mapping[str, Any], searches: Sequence[Search]) -> tuple[list[Sighting], Tensor]:
+        """Find what is meant: sightings, and the network's features (batch, 1, dim).
+
+        Without a detector, what a name means is for the network to tell.
+        """
+        if self._visual.names_objects:
+            seen = [_find(*each) for each in zip(self.scenes(batch), searches, strict=True)]
+            things = [sighting.thing for sighting in seen]
+            return seen, cast(ObjectFinder, self._visual).features(batch, things)
+        seen = [without_objects(search) for search in searches]
+        return seen, self._visual.encode(batch, [sighting.name for sighting in seen]).features[:, :1]
+
+    def compare(self, batch: Mapping[str, Any], memories: Sequence[Memory | None]) -> list[Change | None]:
+        """What has changed since something was seen; None where nothing was."""
+        if not any(memories):
+            return [None] * len(memories)
+        scenes = self.scenes(batch)
+        return [
+            changed(memory, scene) if memory else None for memory, scene in zip(memories, scenes, strict=True)
+        ]
+
+    def follow(
+        self, batch: Mapping[str, Any], memories: Sequence[Memory]
+    ) -> tuple[list[Memory | None], Tensor]:
+        """Find things that are elsewhere now, None for the others, and the network's features."""
+        things = [displaced(*each) for each in zip(memories, self.scenes(batch), strict=True)]
+        now = [
+            Memory(thing, memory.others) if thing else None
+            for thing, memory in zip(things, memories, strict=True)
+        ]
+        return now, cast(ObjectFinder, self._visual).features(batch, things)
+
+
+def _find(scene: Scene, search: Search) -> Sighting:
     """Look for what is meant in an image."""
     found = scene.find(search)
     if found.thing is None:

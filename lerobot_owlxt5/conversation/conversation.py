@@ -67,7 +67,7 @@ class Conversation:
     @property
     def things(self) -> list[Thing]:
         """What was seen at the last look, from left to right; empty before the first."""
-        scenes = self._policy.last_scenes
+        scenes = self._policy.sight.last
         return scenes[0].things if scenes else []
 
     def hear(self, words: str) -> None:
