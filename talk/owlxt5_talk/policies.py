@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The policy that the robot of a visitor runs on."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from lerobot.configs import PreTrainedConfig, parser
+from lerobot.policies.factory import get_policy_class, make_policy, make_pre_post_processors
+
+import lerobot_policy_owlxt5  # noqa: F401  registers the policies and what their names must pass
+from lerobot_owlxt5 import MotionLibraryConfig
+from lerobot_owlxt5.executing_policy import ExecutingPolicy
+from nico_tabletop.configuration import ClaeoEnvConfig
+
+Processors = tuple[Any, Any]
+"""LeRobot's preprocessor and postprocessor of a policy."""
+
+
+def policy_maker() -> Callable[[], tuple[ExecutingPolicy, Processors]]:
+    """What makes the policy that `--policy.path` names, or motion_library, which needs no training.
+
+    Each visitor needs a policy of their own: it remembers what it is doing, and what "it" is.
+
+    Raises:
+        ValueError: If the folder holds a policy that carries nothing out.
+        OSError: If there is no policy in the folder.
+    """
+    path = parser.get_path_arg("policy")
+    options = parser.get_yaml_overrides("policy") + (parser.get_cli_overrides("policy") or [])
+    if path is None:
+        return _motion_library
+    config = PreTrainedConfig.from_pretrained(path, cli_overrides=options)
+    config.pretrained_path = Path(path)
+    policy_class = get_policy_class(config.type)
+    if not issubclass(policy_class, ExecutingPolicy):
+        raise ValueError(
+            f"--policy.path={path} holds the policy '{config.type}', which does not do what it is told; "
+            "owlxt5, crosst5 and motion_library do"
+        )
+
+    def load() -> tuple[ExecutingPolicy, Processors]:
+        overrides = {"device_processor": {"device": str(config.device)}}
+        processors = make_pre_post_processors(config, path, preprocessor_overrides=overrides)
+        return policy_class.from_pretrained(path, config=config), processors
+
+    return load
+
+
+def _motion_library() -> tuple[ExecutingPolicy, Processors]:
+    config = MotionLibraryConfig(device="cpu")
+    return make_policy(config, env_cfg=ClaeoEnvConfig()), make_pre_post_processors(config)  # type: ignore[return-value]
