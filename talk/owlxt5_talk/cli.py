@@ -8,7 +8,6 @@ import sys
 import threading
 from dataclasses import dataclass
 
-os.environ.setdefault(
     "LP_NUM_THREADS", "0"
 )  # software rendering: threads of its own would only be in the way
 
@@ -96,6 +95,7 @@ def _talk(config: TalkConfig) -> None:
 def main() -> None:
     """Entry point; an error that the user can mend ends in one message and exit status 1."""
     write_whatever_the_locale()
+    os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa's software renderer needs no threads of its own
     logging.getLogger("httpx").setLevel(logging.WARNING)
     # LeRobot's parser, which knows --policy.path, reads them from here.
     sys.argv[1:] = quote_texts(TalkConfig, sys.argv[1:])

@@ -14,7 +14,7 @@ def data_url(jpeg: bytes) -> str:
 
 
 def things(view: View) -> str:
-    """Buttons over the eyes' picture, one on each thing that is seen; the one that is looked at has a frame."""
+    """Buttons over the eyes' picture, one on each thing that is seen; what is looked at has a frame."""
     rest = [thing for thing in view.things if view.looking_at is None or not _is_same(thing, view.looking_at)]
     target = [_button(view.looking_at, "thing target")] if view.looking_at else []
     return "".join([*(_button(thing, "thing") for thing in rest), *target])

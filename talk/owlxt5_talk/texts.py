@@ -55,8 +55,8 @@ TEXTS = {
         left="You were away. Reload the page to come back.",
     ),
     GERMAN: Texts(
-        intro="NICO ist simuliert. Er schiebt, zieht und verschiebt, was auf dem Tisch steht, wenn er es sieht "
-        "und Sie versteht. Klicken Sie ein Ding im Bild an, um es zu nennen.",
+        intro="NICO ist simuliert. Er schiebt, zieht und verschiebt, was auf dem Tisch steht, wenn er es "
+        "sieht und Sie versteht. Klicken Sie ein Ding im Bild an, um es zu nennen.",
         chat="Gespräch",
         words="Ihre Worte",
         placeholder="Schieb bitte den Becher.",

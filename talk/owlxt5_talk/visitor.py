@@ -49,7 +49,7 @@ class Visitor:
         return self._view
 
     def say(self, words: str) -> None:
-        """Say something to the robot; it refuses what is longer than it reads, and more does not get there."""
+        """Say something to the robot; what is longer than it reads it refuses."""
         words = words.strip()[: MAX_CHARACTERS + 1]
         if words:
             self._order(lambda world: world.conversation.hear(words))

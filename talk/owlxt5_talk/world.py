@@ -128,6 +128,7 @@ class World:
     def __init__(self, converse: Converse, table: Table, seed: int) -> None:
         self._converse, self._random = converse, np.random.default_rng(seed)
         self._robot: NicoSim | None = None
+        self.table = table
         self.lay(table)
 
     def lay(self, table: Table) -> None:
