@@ -10,11 +10,11 @@ from lerobot.policies.pretrained import PreTrainedPolicy
 from lerobot.utils.constants import OBS_STATE
 from torch import Tensor
 
-from .backbones.understanding import Understanding
-from .commands.answer import Request, Target
+from .backbones.understanding import Understanding, Understood
+from .commands.answer import Action, Request, Target, format_answer
 from .commands.happened import Change
-from .commands.instruction import Instruction, TaskReader, spoken_of
-from .commands.parser import named_objects
+from .commands.instruction import Instruction, TaskReader, spoken_of, target_of
+from .commands.parser import named_objects, parse_command
 from .commands.replies import GOING_HOME, NO_OBJECTS_SEEN
 from .configuration_crossmodal import NO_UNDERSTANDING, CrossmodalConfig
 from .data.start_pose import NEAR, is_far
@@ -35,6 +35,8 @@ class ExecutingPolicy(PreTrainedPolicy):
     Attributes:
         responses: One sentence for each environment: before and in a movement what the robot is going to do,
             after it what it sees that it did; empty before the first.
+        reported: The last movement of each robot whose report is there; None before the first.
+        last_scenes: What was seen at the last look, a scene for each environment that looked.
         rest_pose: Mean first pose of the training data, (joints,), scaled to [-1, 1].
         rest_tolerance: How far from it each joint may be when a plan begins, (joints,), scaled.
     """
@@ -62,7 +64,43 @@ class ExecutingPolicy(PreTrainedPolicy):
         """Forget what the robots are doing: a new episode begins."""
         self._executions: list[Execution | None] = []
         self._spoken_of: list[Target | None] = []
+        self._agreed: dict[str, Request] = {}
         self.responses: list[str] = []
+        self.last_scenes: list[Scene] = []
+        self.reported: list[Execution | None] = []
+
+    def understand(self, sentence: str) -> Understood:
+        """What a sentence asks for, as `select_action` takes it; nothing is done about it."""
+        command = self._reader.command(sentence)
+        if command is None and self._understanding:
+            return self._understanding(sentence)
+        command = command or parse_command(sentence)
+        return Understood(Request((Action(command.verb, target_of(command.object)),)), 1.0, True)
+
+    def agree(self, request: Request, words: str = "") -> str:
+        """Note what a person wants for sure, as after a question: nobody has to understand it again.
+
+        Args:
+            request: What is wanted; it is clear.
+            words: In which it was said, if these words have no other meaning at another time.
+
+        Returns:
+            The task that asks for it, until `reset`.
+        """
+        task = words or format_answer(request)
+        self._agreed[task] = request
+        return task
+
+    def speak_of(self, things: Sequence[Target | None]) -> None:
+        """Note what "it" means from now on for each environment, as after a question about a thing."""
+        if len(self._executions) != len(things):
+            self._executions = [None] * len(things)
+        self._spoken_of = [*things]
+
+    @property
+    def executions(self) -> list[Execution | None]:
+        """What each robot is doing, or has done last; None before its first task. To read, not to change."""
+        return [*self._executions]
 
     def drop_queued_actions(self) -> None:
         """Stop: the next `select_action` plans anew, from where the robot is then."""
@@ -98,10 +136,11 @@ class ExecutingPolicy(PreTrainedPolicy):
         self._begin("execute")
         tasks = read_tasks(batch)
         if len(self._executions) != len(tasks):
-            self.reset()
             self._executions, self._spoken_of = [None] * len(tasks), [None] * len(tasks)
         if len(self.responses) != len(tasks):
             self.responses = [""] * len(tasks)
+        if len(self.reported) != len(tasks):
+            self.reported = [None] * len(tasks)
         due = [index for index, task in enumerate(tasks) if self._is_due(index, task)]
         if due:
             self._go_on(samples_at(batch, due), due)
@@ -174,7 +213,7 @@ class ExecutingPolicy(PreTrainedPolicy):
             elif execution.next is Next.PLAN:
                 instructions[sample] = execution.instruction
             else:
-                execution.next = Next.NOTHING
+                execution.next, execution.change, self.reported[index] = Next.NOTHING, change, execution
                 self.responses[index] = execution.report(change)
                 if later := execution.instruction.later:
                     read = self._reader.read_answer
@@ -210,7 +249,7 @@ class ExecutingPolicy(PreTrainedPolicy):
         tasks, poses = read_tasks(batch), first_pose(batch)
         far = is_far(batch[OBS_STATE], self.rest_pose, self.rest_tolerance).tolist()
         goes_home = [
-            is_far_off and instruction.verb is not None and not (execution and execution.next is Next.PLAN)
+            is_far_off and instruction.needs_home and not (execution and execution.came_home)
             for is_far_off, instruction, execution in zip(far, instructions, last, strict=True)
         ]
         # Who goes home first looks there.
@@ -256,7 +295,8 @@ class ExecutingPolicy(PreTrainedPolicy):
         if not self.visual.names_objects:
             raise ValueError(NO_OBJECTS_SEEN)
         labels = named_objects(self.config.tasks or [])
-        return cast(ObjectFinder, self.visual).scenes(batch, labels, self._in_english)
+        self.last_scenes = cast(ObjectFinder, self.visual).scenes(batch, labels, self._in_english)
+        return self.last_scenes
 
     def _look(self, batch: dict[str, Any], searches: Sequence[Search]) -> tuple[list[Sighting], Tensor]:
         """Find what is meant: sightings, and the network's features (batch, 1, dim).
@@ -307,6 +347,8 @@ class ExecutingPolicy(PreTrainedPolicy):
         instruction = reader.read_task(task)
         if instruction is not None:
             return instruction
+        if task in self._agreed:
+            return reader.read_answer(self._agreed[task], True, before)
         if self._understanding is None:
             return reader.read_words(task)
         understood = self._understanding(task)

@@ -11,6 +11,7 @@ from .commands.answer import Target
 from .commands.happened import Change
 from .commands.instruction import Instruction
 from .commands.replies import MOVEMENT_OVER
+from .commands.verbs import VERBS
 from .data.start_pose import NEAR
 from .look_again import Memory
 from .way_home import APPROACH_STEPS, straight, way_back, way_out
@@ -45,6 +46,7 @@ class Execution:
         movement: How many steps of the path move a thing; then comes the way home.
         memory: What was seen before the movement; None if nobody can compare.
         step: How many steps are done.
+        change: What was seen to have happened; None before the report, or if nobody can compare.
     """
 
     task: str | None
@@ -57,11 +59,23 @@ class Execution:
     movement: int = 0
     memory: Memory | None = None
     step: int = 0
+    change: Change | None = None
 
     @property
     def waits(self) -> bool:
         """Whether the path is at its end, and something comes then."""
         return self._ended and self.next is not Next.NOTHING
+
+    @property
+    def came_home(self) -> bool:
+        """Whether the arms have just gone home, to begin there."""
+        return self._ended and self.next is Next.PLAN
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the thing was seen to have gone where it should."""
+        verb = self.instruction.verb
+        return bool(self.change and verb) and self.change.way == VERBS[verb].way
 
     @property
     def is_over(self) -> bool:

@@ -113,10 +113,10 @@ class Scene:
         target = search.target
         if target is None:
             return Found(None, self.report() if search.wants_report else "")
-        if target.phrase and not self._detector.can_read([target.phrase]):
+        if target.phrase and not self._can_read(target.phrase, in_english=not search.takes_best):
             return Found(None, f"I cannot look for a name as long as {target.phrase!r}: use fewer words.")
         # A dataset's own names are taken as they are.
-        look = self._called if search.takes_best else self._called_in_any_language
+        look = self._called if search.takes_best else self.called_in_any_language
         called = look(target.name, target.colour)
         if not called:
             return Found(None, self._missing(target))
@@ -155,7 +155,7 @@ class Scene:
         """All things that fit an English name, such as "red cube"; what fits best comes first."""
         return self._called(name, "")
 
-    def _called_in_any_language(self, name: str, colour: str) -> list[Thing]:
+    def called_in_any_language(self, name: str, colour: str) -> list[Thing]:
         """All things of a name that was said in English or German, in a colour if one is given."""
         phrase = f"{colour} {name}".strip()
         english = self._in_english(phrase) if phrase else ""
@@ -164,7 +164,29 @@ class Scene:
             # The detector knows English; a word that it does not know may be any thing to it.
             their_colour, their_name = split_colour(english)
             found = self._called(their_name if name else "", their_colour if colour else "")
-        return found or self._called(name, colour)
+        return found if found or not self._can_read(phrase) else self._called(name, colour)
+
+    def _can_read(self, phrase: str, in_english: bool = False) -> bool:
+        """Whether the detector can look for a phrase, or for its English name."""
+        phrases = {phrase, self._in_english(phrase)} if in_english and phrase else {phrase}
+        return any(self._detector.can_read([each]) for each in phrases)
+
+    def is_colour(self, word: str) -> bool:
+        """Whether a word is a colour's, in English or German."""
+        return bool(basic_colour(word) or basic_colour(self._in_english(word)))
+
+    def colour_of(self, thing: Thing) -> str | None:
+        """The one of `COLOURS` that a thing has; None if its colour is not clear."""
+        kind = split_colour(thing.name)[1] or thing.name
+        names = [f"{colour} {kind}" for colour in COLOURS]
+        found = self._look([names]).things(self._detector.threshold)
+        for place, box in enumerate(found.box[:, 0]):
+            best = int(found.score[place].argmax())
+            if not Thing("", found.box[place, best]).apart_from(thing) or not Thing("", box).apart_from(
+                thing
+            ):
+                return [*COLOURS][best]
+        return None
 
     def _called(self, name: str, colour: str) -> list[Thing]:
         """All things of an English name, in a colour if one is given; what fits best comes first."""

@@ -9,6 +9,7 @@ from .colours import split_colour
 from .parser import Command, formal_command, object_name, parse_command, plain
 from .prompts import MAX_CHARACTERS, execute_prompt
 from .replies import (
+    AT_HOME,
     HOLDS,
     NOTHING_ASKED,
     REPLIES,
@@ -19,6 +20,9 @@ from .replies import (
     in_words,
     verb_phrase,
 )
+
+HOME = "home"
+"""The task to move the arms where movements begin, and nothing else."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,7 @@ class Instruction:
         wants_report: Whether a look at the table is the reply.
         later: What was asked for besides, to be done after it.
         trained: Whether it is a task of the training data, which is carried out as it was trained.
+        goes_home: Whether it is the arms' way home, and nothing else.
     """
 
     prompt: str
@@ -42,6 +47,12 @@ class Instruction:
     wants_report: bool = False
     later: tuple[Action, ...] = ()
     trained: bool = False
+    goes_home: bool = False
+
+    @property
+    def needs_home(self) -> bool:
+        """Whether arms that are far from where movements begin have to go there first."""
+        return self.verb is not None or self.goes_home
 
     def obstacle(self, problem: str, far: bool) -> str:
         """A sentence on why nothing is done, or in place of it; empty if the robot may move.
@@ -93,13 +104,19 @@ class TaskReader:
         if not plain(task):
             return _reply(NOTHING_ASKED)
         trained = task in self.trained
-        command = parse_command(task) if trained else formal_command(task)
+        if task == HOME and not trained:
+            return Instruction(execute_prompt(""), reply=AT_HOME, goes_home=True)
+        command = self.command(task)
         if command is None:
             return None
         target = target_of(command.object) if command.verb else Target(name=command.object)
         keeps_words = trained and not (command.verb and self.names_objects)
         prompt = execute_prompt(task) if keeps_words else self._prompt(command)
         return Instruction(prompt, target, command.verb, trained=trained)
+
+    def command(self, task: str) -> Command | None:
+        """The command of a task of the training data, or in CLANT's own form; None for free wording."""
+        return parse_command(task) if task in self.trained else formal_command(task)
 
     def read_words(self, task: str) -> Instruction:
         """Take the words as they are, as the paper does: they go to the language model and to the detector.

@@ -12,6 +12,7 @@ TOO_LONG = f"I hold still, because a command may have at most {MAX_CHARACTERS} c
 TOO_FAR = "I hold still, because my arms are too far from where I learnt to begin: move them back there."
 NO_OBJECTS_SEEN = "I hold still, because I see whole images and no objects: I know neither places nor names."
 GOING_HOME = "I move my arms back first."
+AT_HOME = "My arms are where movements begin."
 MOVEMENT_OVER = "I am done, but I cannot tell what has moved."
 NOTHING_ASKED = "What should I do?"
 

@@ -8,16 +8,15 @@ import sys
 import threading
 from dataclasses import dataclass
 
-    "LP_NUM_THREADS", "0"
-)  # software rendering: threads of its own would only be in the way
-
+import torch
 from draccus.utils import ParsingError
 from lerobot.configs import parser
 from lerobot.robots import Robot
-from lerobot_owlxt5.conversation import Conversation
 from yaml import YAMLError
 
 from lerobot_owlxt5.command_line import check_given, explain, quote_texts, write_whatever_the_locale
+from lerobot_owlxt5.conversation import Conversation
+from lerobot_owlxt5.conversation.body import Body
 from nico_tabletop.drawing import DrawingError
 
 from .page import build_page, open_page
@@ -75,8 +74,12 @@ def make_visitors(most: int, table: Table) -> Visitors:
         policy, processors = make_policy()
 
         def converse(robot: Robot) -> TalkingRobot:
-            policy.reset()
-            return Conversation(robot, policy, processors)
+            conversation = Conversation(robot, policy, processors)
+            if policy.visual.names_objects:  # a first look: things are there to be named
+                body = Body(robot, processors, torch.device(policy.config.device or "cpu"))
+                body.look()
+                policy.scenes(body.batch(""))
+            return conversation
 
         return World(converse, chosen, secrets.randbelow(2**31))
 

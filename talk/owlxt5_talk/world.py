@@ -144,6 +144,7 @@ class World:
         self.conversation = self._converse(self._robot)
         self._drawn: NDArray[np.float64] | None = None
         self._pictures = b"", b""
+        self._things: tuple[Seen, ...] = ()
 
     def view(self) -> View:
         """What is to be seen now; draws only where something has moved."""
@@ -154,10 +155,12 @@ class World:
             self._pictures = self._draw(EYES), self._draw(SPECTATOR)
         conversation = self.conversation
         target = conversation.looking_at
+        if not conversation.busy:  # a detector's look at all there is would hold a movement up
+            self._things = tuple(map(_seen, conversation.things))
         return View(
             *self._pictures,
             lines=tuple((line.speaker, line.text) for line in conversation.lines[-SHOWN_LINES:]),
-            things=tuple(map(_seen, conversation.things)),
+            things=self._things,
             looking_at=_seen(target) if target is not None else None,
             busy=conversation.busy,
             table=self.table,

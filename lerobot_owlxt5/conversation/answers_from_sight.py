@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Answers to questions from what is seen now: no robot claims what it does not see."""
+
+from typing import NamedTuple
+
+from ..commands.answer import Landmark, Relation, Target
+from ..commands.parser import object_name, with_article
+from ..commands.referring import APART, matching, side_of
+from ..commands.replies import listed
+from ..scene import Scene, Thing
+from .questions import Question
+
+SIDES = {"left": "on the left", "right": "on the right", "middle": "in the middle"}
+NEAR = 0.3
+"""Things whose places differ by less are beside each other, as a share of the image (our decision)."""
+_NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
+
+
+class Answer(NamedTuple):
+    """An answer.
+
+    Attributes:
+        text: A sentence.
+        thing: The one thing that it speaks of, or None.
+    """
+
+    text: str
+    thing: Thing | None = None
+
+
+def answer(question: Question, scene: Scene) -> Answer:
+    """Answer a question about what is seen."""
+    if question.kind == "side":
+        return _on_side(question.detail, scene)
+    if question.kind == "count":
+        return _count(question.name, scene)
+    if question.kind == "scene" or not question.name:
+        return Answer(scene.report())
+    found = _called(question.name, scene)
+    english = _english(question.name, found)
+    if question.kind == "exists":
+        if not found:
+            return Answer(f"No, I see no {english}. {scene.report()}")
+        what = with_article(english) if len(found) == 1 else f"{_number(len(found))} {plural(english)}"
+        return Answer(f"Yes, I see {what}, {_places(found)}.", _only(found))
+    if not found:
+        return Answer(f"I cannot see {with_article(english)}. {scene.report()}")
+    if question.kind == "beside":
+        return _beside(question.detail, found, english, scene)
+    if question.kind == "colour":
+        return _colour(found, english, scene)
+    if question.kind == "is":
+        return _is(question, found, english, scene)
+    if len(found) > 1:
+        return Answer(f"I see {_number(len(found))} {plural(english)}, {_places(found)}.")
+    return Answer(f"The {english} is {where(found[0], scene)}.", found[0])
+
+
+def where(thing: Thing, scene: Scene) -> str:
+    """Where a thing is: its side, what is beside it, and whether it is the nearest or the farthest."""
+    others = [other for other in scene.things if other.apart_from(thing)]
+    said = [SIDES[side_of(thing.place)]]
+    beside = min(others, key=thing.distance, default=None)
+    if beside and thing.distance(beside) < NEAR:
+        said.append(f"next to the {beside.name}")
+    rows = [other.place.y for other in others]
+    if rows and thing.place.y > max(rows) + APART:
+        said.append("nearer to me than all else")
+    if rows and thing.place.y < min(rows) - APART:
+        said.append("farther from me than all else")
+    return ", ".join(said)
+
+
+def plural(name: str) -> str:
+    """More than one of it."""
+    return name if name == "dice" else f"{name}{'es' if name.endswith(('s', 'x', 'sh', 'ch')) else 's'}"
+
+
+def _called(name: str, scene: Scene) -> list[Thing]:
+    """All things of a name in English or German, from left to right."""
+    return sorted(scene.called_in_any_language(object_name(name), ""), key=lambda thing: thing.place.x)
+
+
+def _english(name: str, found: list[Thing]) -> str:
+    """What things are called that somebody asks about: as they were found, else as it was said."""
+    return found[0].name if found else object_name(name)
+
+
+def _number(count: int) -> str:
+    return _NUMBERS[count] if count < len(_NUMBERS) else str(count)
+
+
+def _only(things: list[Thing]) -> Thing | None:
+    return things[0] if len(things) == 1 else None
+
+
+def _places(things: list[Thing]) -> str:
+    """Where things are, from left to right."""
+    return listed([SIDES[side_of(thing.place)] for thing in things], "and")
+
+
+def _with_names(things: list[Thing]) -> str:
+    return listed([with_article(thing.name) for thing in things], "and")
+
+
+def _on_side(side: str, scene: Scene) -> Answer:
+    there = [thing for thing in scene.things if side_of(thing.place) == side]
+    what = _with_names(there) if there else "nothing that I know"
+    return Answer(f"{SIDES[side].capitalize()} I see {what}.", _only(there))
+
+
+def _count(name: str, scene: Scene) -> Answer:
+    found = _called(name, scene) if name else scene.things
+    if not found:
+        return Answer(f"I see no {_english(name, found) if name else 'object that I know'}.")
+    of_what = _english(name, found) if name else "object"
+    what = of_what if len(found) == 1 else plural(of_what)
+    more = _places(found) if name else _with_names(found)
+    return Answer(f"I see {_number(len(found))} {what}: {more}.", _only(found))
+
+
+def _beside(relation: str, found: list[Thing], english: str, scene: Scene) -> Answer:
+    if len(found) > 1:
+        return Answer(f"I see {_number(len(found))} {plural(english)}: name one of them.")
+    things = [thing for thing in scene.things if thing.apart_from(found[0])]
+    target = Target(relation=Relation(relation, (Landmark(english),)))
+    left = matching(target, [thing.place for thing in things], [found[0].place], None)
+    there = [things[index] for index in left]
+    words = {"before": "in front of"}.get(relation, relation)
+    place = f"{'to the ' if relation in ('left of', 'right of') else ''}{words} the {english}"
+    what = _with_names(there) if there else "nothing that I know"
+    return Answer(f"{place[:1].upper()}{place[1:]} I see {what}.", _only(there))
+
+
+def _colour(found: list[Thing], english: str, scene: Scene) -> Answer:
+    colours = [scene.colour_of(thing) for thing in found]
+    if len(found) == 1:
+        said = f"is {colours[0]}" if colours[0] else "has a colour that I cannot tell"
+        return Answer(f"The {english} {said}.", found[0])
+    each = [
+        f"the one {SIDES[side_of(thing.place)]} is {colour or 'of a colour that I cannot tell'}"
+        for thing, colour in zip(found, colours, strict=True)
+    ]
+    return Answer(f"I see {_number(len(found))} {plural(english)}: {listed(each, 'and')}.")
+
+
+def _is(question: Question, found: list[Thing], english: str, scene: Scene) -> Answer:
+    if not scene.is_colour(question.detail):
+        return Answer(f"I cannot tell. {scene.report()}")
+    fits = scene.called_in_any_language(english, question.detail)
+    if fits and len(found) == 1:
+        return Answer(f"Yes, the {english} is {scene.colour_of(found[0])}.", found[0])
+    said = _colour(found, english, scene)
+    return said if len(found) > 1 else Answer(f"No, {said.text[:1].lower()}{said.text[1:]}", found[0])

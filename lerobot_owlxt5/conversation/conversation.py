@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A conversation: what is heard becomes a step of a plan, and each control period goes on with it."""
+
+from typing import Any
+
+import torch
+from lerobot.robots import Robot
+
+from ..commands.answer import Action, Request
+from ..commands.instruction import HOME, target_of
+from ..commands.prompts import MAX_CHARACTERS
+from ..commands.replies import HOLDS, NO_OBJECTS_SEEN
+from ..executing_policy import ExecutingPolicy
+from ..execution import Execution
+from ..scene import Scene, Thing
+from .answers_from_sight import answer
+from .body import Body, Processor
+from .lines import Line, add
+from .memory import Memory
+from .questions import Question
+from .rules import plan_by_rules
+from .steps import Ask, Do, GoHome, Open, Planner, Say, Situation, Step, Stop, Translate
+
+ONCE_MORE = "I try once more."
+STOPPED = "I stop."
+TOLD_TO_STOP = "You told me to."
+NO_TRANSLATION = "I cannot translate: this policy has not learnt it."
+_OF_MEMORY = ("did", "worked", "why", "doing", "ability", "robot")
+
+
+class Conversation:
+    """A robot, a policy, and a person who talks to it; all in one thread.
+
+    Args:
+        robot: Any LeRobot robot with the policy's cameras and joints; it is connected.
+        policy: Any of ours. It forgets what it was doing before.
+        processors: Its preprocessor and postprocessor.
+
+    Attributes:
+        lines: All that was said, the oldest first; the last `lines.MOST_LINES`.
+        looking_at: What the robot acts on or has spoken of last; None if that was no single thing.
+    """
+
+    def __init__(
+        self, robot: Robot, policy: ExecutingPolicy, processors: tuple[Processor, Processor]
+    ) -> None:
+        policy.reset()
+        self.lines: list[Line] = []
+        self.looking_at: Thing | None = None
+        self._policy = policy
+        self._body = Body(robot, processors, torch.device(policy.config.device or "cpu"))
+        self._planner: Planner = plan_by_rules
+        self._memory = Memory()
+        self._open: Open | None = None
+        self._last: Request | None = None
+        self._task: str | None = None
+        self._response = ""
+        self._reported: Execution | None = None
+        self._tried_again = False
+
+    @property
+    def busy(self) -> bool:
+        """Whether a movement is going on, or is about to begin."""
+        return self._task is not None
+
+    @property
+    def things(self) -> list[Thing]:
+        """What was seen at the last look, from left to right; empty before the first."""
+        scenes = self._policy.last_scenes
+        return scenes[0].things if scenes else []
+
+    def hear(self, words: str) -> None:
+        """Hear what somebody says, and answer it or begin to do it.
+
+        Args:
+            words: Any text. With more than `MAX_CHARACTERS` characters it is not understood.
+        """
+        add(self.lines, "person", words[:MAX_CHARACTERS])
+        seen = tuple(thing.name for thing in self.things)
+        situation = Situation(self._policy.understand, self._open, self._last, seen)
+        step = self._planner(words, situation)
+        if not isinstance(step, Ask):
+            self._open = None
+        self._take(step)
+
+    def tick(self) -> None:
+        """Go on for one control period, 0.1 s: while the robot is busy, one action is sent.
+
+        Raises:
+            ValueError: If a joint's position is not finite, or the robot has other joints than the policy.
+            FloatingPointError: If a plan is not finite.
+        """
+        if self._task is None:
+            if not self._body.has_looked:
+                self._body.look()
+            return
+        if self._policy.looks([self._task])[0] or not self._body.has_looked:
+            self._body.look()
+        self._body.act(self._policy.select_action(self._body.batch(self._task)))
+        self._hear_policy()
+        if self._policy.is_done[0]:
+            self._finish()
+
+    def stop(self) -> None:
+        """Hold still at once, where the arms are."""
+        was_busy = self._halt()
+        self._memory.still = TOLD_TO_STOP
+        self._say(STOPPED if was_busy else HOLDS["forbidden"])
+
+    def home(self) -> None:
+        """Move the arms where movements begin, in the next ticks."""
+        self._begin(HOME)
+
+    def _take(self, step: Step) -> None:
+        """Do the next step of a plan."""
+        match step:
+            case Stop():
+                self.stop()
+            case GoHome():
+                self.home()
+            case Ask(question):
+                self._answer(question)
+            case Translate(sentence):
+                self._translate(sentence)
+            case Do(request, words):
+                self._last, self._tried_again = request, False
+                self._begin(self._policy.agree(request, words))
+            case Say(text, asks):
+                self._halt()
+                self._open = asks
+                self._memory.still = TOLD_TO_STOP if text == HOLDS["forbidden"] else text
+                self._say(text)
+
+    def _begin(self, task: str) -> None:
+        """Give the policy a task; it takes effect at the next tick."""
+        self._policy.drop_queued_actions()
+        self._task, self._response, self._reported = task, "", None
+        self._memory.still = ""
+
+    def _halt(self) -> bool:
+        """End the movement where the arms are; whether there was one."""
+        if self._task is None:
+            return False
+        if self._memory.doing:
+            self._memory.did = f"I stopped before I was done. I had said: {self._memory.doing}"
+            self._memory.worked = None
+        self._task, self._memory.doing = None, ""
+        self._policy.drop_queued_actions()
+        self._body.hold()
+        return True
+
+    def _hear_policy(self) -> None:
+        """Pass on what the policy says, and note what it means."""
+        [said] = self._policy.responses
+        [execution] = self._policy.executions
+        [reported] = self._policy.reported
+        if execution and execution.memory:
+            self.looking_at = execution.memory.thing
+        if reported is not self._reported:
+            self._reported = reported
+            if reported and reported.change is not None:
+                self._memory.worked = reported.succeeded
+        if not said or said == self._response:
+            return
+        self._response = said
+        self._say(said)
+        self._memory.doing = said
+
+    def _finish(self) -> None:
+        """Note how a task ended; try once more what did not move."""
+        [execution] = self._policy.executions
+        self._task, self._memory.doing = None, ""
+        if execution is None:
+            return
+        if execution.change is not None or execution.movement:
+            self._memory.did = self._response
+            if self._again(execution):
+                self._say(ONCE_MORE)
+            return
+        instruction = execution.instruction
+        if instruction.goes_home:
+            return
+        self._memory.still = self._response
+        target = instruction.target
+        # A question about one of several landmarks is none about the target.
+        if self._response.endswith("?") and instruction.verb and target and not target.relation:
+            request = Request((Action(instruction.verb, target), *instruction.later))
+            self._open = Open("which", request)
+
+    def _again(self, execution: Execution) -> bool:
+        """Begin once more, if a thing was seen not to have moved, and it is the first time."""
+        verb, target = execution.instruction.verb, execution.spoken_of
+        unmoved = execution.change is not None and execution.change.way == ""
+        if self._tried_again or not unmoved or verb is None or target is None:
+            return False
+        self._tried_again = True
+        self._begin(self._policy.agree(Request((Action(verb, target),))))
+        return True
+
+    def _answer(self, question: Question) -> None:
+        """Answer a question from memory, or from a look; a movement goes on."""
+        if question.kind in _OF_MEMORY:
+            self._say(self._memory.answer(question))
+            return
+        scene = self._scene()
+        if scene is None:
+            self._say(NO_OBJECTS_SEEN)
+            return
+        text, thing = answer(question, scene)
+        if not self.busy:
+            self.looking_at = thing
+            if thing:
+                self._policy.speak_of([target_of(thing.name)])
+        self._say(text)
+
+    def _scene(self) -> Scene | None:
+        """What is seen now; None for a policy that sees no objects."""
+        if not self._policy.visual.names_objects:
+            return None
+        self._body.look()
+        return self._policy.scenes(self._body.batch(""))[0]
+
+    def _translate(self, sentence: str) -> None:
+        translate: Any = getattr(self._policy, "translate", None)
+        if translate is None or "translate" not in self._policy.config.modes:
+            self._say(NO_TRANSLATION)
+            return
+        self._say(translate([sentence])[0])
+
+    def _say(self, text: str) -> None:
+        add(self.lines, "robot", text)

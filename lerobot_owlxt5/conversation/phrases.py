@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Few words with one meaning in a conversation, in English and German (our lists).
+
+A list holds whole sentences: what has one word more is left to the understanding. So "yes, but not now" is no
+yes, and "stop pushing the ball when I say so" no stop.
+"""
+
+import re
+
+from ..commands.answer import said_words
+
+_POLITE = {"please", "bitte", "now", "jetzt", "nico", "robot", "roboter", "mal", "oh", "ok", "okay", "hey"}
+
+STOP = {"stop", "stopp", "halt", "stop it", "stop that", "stop moving", "stop at once", "halt an", "anhalten"}
+STOP |= {"hör auf", "freeze", "hold still", "halt still", "stay still", "wait", "warte", "sofort anhalten"}
+HOME = {"home", "go home", "arms home", "go back home", "move home", "move your arms home", "nach hause"}
+HOME |= {"geh nach hause", "fahr nach hause", "arme nach hause", "move your arms back"}
+AGAIN = {"again", "once more", "do it again", "do that again", "try again", "try it again", "one more time"}
+AGAIN |= {"nochmal", "noch mal", "noch einmal", "mach es nochmal", "mach das nochmal", "mach es noch einmal"}
+AGAIN |= {"repeat", "repeat it", "repeat that", "wiederhole das", "versuch es nochmal", "versuche es nochmal"}
+YES = {"yes", "yeah", "yep", "yup", "sure", "of course", "right", "correct", "exactly", "do it", "yes do it"}
+YES |= {
+    "ja",
+    "jawohl",
+    "genau",
+    "richtig",
+    "mach es",
+    "ja mach das",
+    "ja genau",
+    "yes i do",
+    "yes i did",
+    "go on",
+}
+NO = {"no", "nope", "nein", "no thanks", "no thank you", "nein danke", "never mind", "do not", "don't"}
+NO |= {"neither", "none", "lass es", "egal", "nothing", "nichts", "not that"}
+
+_CORRECTION = re.compile(
+    r"^(?:(?:(?:no|nope|nein|sorry|ach|oh|wait|warte)\b[\s,.!]*)+(?:(?:i|ich)\s+(?:meant?|meine?|meinte|want(?:ed)?"
+    r"|wollte)\b[\s,:]*)?|(?:i|ich)\s+(?:meant|mean|meine|meinte)\b[\s,:]*)(?P<rest>.+)$",
+    re.IGNORECASE | re.DOTALL,
+)
+
+
+def says(words: str, phrases: set[str]) -> bool:
+    """Whether words are one of some phrases, and polite words besides."""
+    said = [*said_words(words)]
+    return bool(said) and (
+        " ".join(said) in phrases or " ".join(word for word in said if word not in _POLITE) in phrases
+    )
+
+
+def corrected(words: str) -> str:
+    """What somebody says in place of what was said: "the mug" of "no, I meant the mug"; else ""."""
+    found = _CORRECTION.match(words.strip())
+    return found["rest"].strip() if found else ""

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The planner by rules: what the understanding and few closed phrases say, and nothing else.
+
+A movement comes from a request that was understood, from a yes to it, or from words that answer the robot's
+own question and nothing else. What the understanding holds back, no rule makes a movement of.
+"""
+
+from dataclasses import replace
+
+from ..backbones.understanding import Understood
+from ..commands import answer as meant
+from ..commands.answer import Action, Request, Target
+from ..commands.parser import plain
+from ..commands.prompts import MAX_CHARACTERS
+from ..commands.replies import HOLDS, NOTHING_ASKED, TOO_LONG, ask_back, ask_whether
+from .fragments import how, which
+from .phrases import AGAIN, HOME, NO, STOP, YES, corrected, says
+from .questions import read_question
+from .steps import Ask, Do, GoHome, Open, Say, Situation, Step, Stop, Translate
+
+NOTHING_TO_REPEAT = "I hold still, because there is nothing yet that I could do again."
+_TRANSLATE = "translate:"
+
+
+def plan_by_rules(words: str, situation: Situation) -> Step:
+    """What to do about some words; see `Planner`."""
+    if len(words) > MAX_CHARACTERS:
+        return Say(TOO_LONG)
+    if not plain(words):
+        return Say(NOTHING_ASKED)
+    if words.strip().lower().startswith(_TRANSLATE):
+        return Translate(words.strip()[len(_TRANSLATE) :].strip())
+    if says(words, STOP):
+        return Stop()
+    if says(words, HOME):
+        return GoHome()
+    if says(words, AGAIN):
+        return Do(situation.last) if situation.last else Say(NOTHING_TO_REPEAT)
+    reply = _reply_to(situation.open, words, situation) if situation.open else None
+    return reply or _correction(words, situation) or _new(words, situation.understand(words))
+
+
+def _reply_to(asked: Open, words: str, situation: Situation) -> Step | None:
+    """What an answer to the robot's own question leads to; None if the words are none."""
+    if says(words, NO):
+        return Say(HOLDS["forbidden"])
+    action = asked.action
+    if asked.kind == "whether":
+        return Do(asked.request) if says(words, YES) else None
+    if asked.kind == "how":
+        verb = how(words)
+        if verb is None:
+            understood = situation.understand(words)
+            same = _single(understood)
+            verb = same.verb if same and same.target in (Target(reference="it"), action.target) else None
+        return _checked(asked.completed(replace(action, verb=verb))) if verb else None
+    understood = situation.understand(words)
+    target = _marked(words, action.target, understood, situation) if asked.kind == "which" else None
+    if target is None:
+        said = _single(understood)
+        if said is None or said.verb is not None or said.target in (Target(), Target(reference="it")):
+            return None
+        target = said.target
+        if asked.kind == "which" and not target.name:
+            target = replace(target, name=action.target.name)
+    return _checked(asked.completed(replace(action, target=target)))
+
+
+def _correction(words: str, situation: Situation) -> Step | None:
+    """The last command with another thing, where the words are "no, the mug"; None for other words."""
+    said, last = corrected(words), situation.last
+    if not said or last is None:
+        return None
+    understood = situation.understand(said)
+    before = last.actions[0]
+    plain_target = replace(before.target, side="", colour="", order=None, reference="", relation=None)
+    if target := _marked(said, plain_target, understood, situation):
+        return _checked(Request((replace(before, target=target),)))
+    action = _single(understood)
+    if action is None or action.verb or action.target == Target():
+        return None
+    target = action.target
+    if not target.name and not target.reference:
+        target = replace(target, name=before.target.name)
+    return _checked(Request((Action(before.verb, target),)))
+
+
+def _marked(words: str, asked: Target, understood: Understood, situation: Situation) -> Target | None:
+    """What a few known words tell of a target; None where the understanding has a reason to hold still.
+
+    That "the left one" alone is nothing to do is no such reason: it answers a question.
+    """
+    answer = understood.answer
+    held = isinstance(answer, meant.Hold) and answer.reason != "not_an_action"
+    return None if held else which(words, asked, situation.seen)
+
+
+def _new(words: str, understood: Understood) -> Step:
+    """What a sentence leads to that answers nothing and corrects nothing."""
+    match understood.answer:
+        case meant.Hold(reason):
+            question = read_question("scene", words) if reason in ("not_an_action", "beyond") else None
+            return Ask(question) if question and question.kind != "scene" else Say(HOLDS[reason])
+        case meant.Question(kind):
+            return Ask(read_question(kind, words))
+        case request:
+            first = request.actions[0]
+            if not first.clear:
+                return _asked(request)
+            if not understood.sure:
+                return Say(ask_whether(first, understood.unknown), Open("whether", request))
+            return Do(request, words)
+
+
+def _checked(request: Request) -> Step:
+    """Do what is clear, and ask back what is not."""
+    return Do(request) if request.actions[0].clear else _asked(request)
+
+
+def _asked(request: Request) -> Step:
+    first = request.actions[0]
+    if first.verb is None and first.target == Target():
+        return Say(ask_back(first))
+    return Say(ask_back(first), Open("how" if first.verb is None else "what", request))
+
+
+def _single(understood: Understood) -> Action | None:
+    """The one action of a request that was understood for sure; None for all else."""
+    answer = understood.answer
+    if not isinstance(answer, Request) or not understood.sure or len(answer.actions) > 1:
+        return None
+    return answer.actions[0]
