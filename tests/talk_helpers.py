@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import torch
 from lerobot.robots import Robot
 
+from lerobot_owlxt5.conversation import Line
 from lerobot_owlxt5.scene import Thing
 from nico_tabletop.nico_sim import NicoSim
 
@@ -13,18 +14,12 @@ ELBOW = "r_elbow_y.pos"
 STEPS = 5
 
 
-@dataclass(frozen=True)
-class SaidLine:
-    speaker: str
-    text: str
-
-
 @dataclass
 class EchoConversation:
     """See `lerobot_owlxt5.conversation.Conversation`. "break" breaks it."""
 
     robot: Robot
-    lines: list[SaidLine] = field(default_factory=list)
+    lines: list[Line] = field(default_factory=list)
     left: int = 0
 
     @property
@@ -45,7 +40,7 @@ class EchoConversation:
     def hear(self, words: str) -> None:
         if words == "break":
             raise RuntimeError("a secret of /home/somebody")
-        self.lines += [SaidLine("person", words), SaidLine("robot", f"I heard: {words}")]
+        self.lines += [Line("person", words), Line("robot", f"I heard: {words}")]
         self.left = STEPS
 
     def tick(self) -> None:

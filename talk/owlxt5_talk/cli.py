@@ -12,6 +12,7 @@ import torch
 from draccus.utils import ParsingError
 from lerobot.configs import parser
 from lerobot.robots import Robot
+from transformers.utils.logging import disable_progress_bar
 from yaml import YAMLError
 
 from lerobot_owlxt5.command_line import check_given, explain, quote_texts, write_whatever_the_locale
@@ -99,6 +100,7 @@ def main() -> None:
     """Entry point; an error that the user can mend ends in one message and exit status 1."""
     write_whatever_the_locale()
     os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa's software renderer needs no threads of its own
+    disable_progress_bar()
     logging.getLogger("httpx").setLevel(logging.WARNING)
     # LeRobot's parser, which knows --policy.path, reads them from here.
     sys.argv[1:] = quote_texts(TalkConfig, sys.argv[1:])

@@ -5,11 +5,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from lerobot.configs import PreTrainedConfig, parser
-from lerobot.policies.factory import get_policy_class, make_policy, make_pre_post_processors
+from lerobot.configs import FeatureType, PreTrainedConfig, parser
+from lerobot.envs.utils import env_to_policy_features
+from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
 import lerobot_policy_owlxt5  # noqa: F401  registers the policies and what their names must pass
-from lerobot_owlxt5 import MotionLibraryConfig
+from lerobot_owlxt5 import MotionLibraryConfig, MotionLibraryPolicy
 from lerobot_owlxt5.executing_policy import ExecutingPolicy
 from nico_tabletop.configuration import ClaeoEnvConfig
 
@@ -48,5 +49,10 @@ def policy_maker() -> Callable[[], tuple[ExecutingPolicy, Processors]]:
 
 
 def _motion_library() -> tuple[ExecutingPolicy, Processors]:
-    config = MotionLibraryConfig(device="cpu")
-    return make_policy(config, env_cfg=ClaeoEnvConfig()), make_pre_post_processors(config)  # type: ignore[return-value]
+    features = env_to_policy_features(ClaeoEnvConfig())
+    config = MotionLibraryConfig(
+        device="cpu",
+        input_features={key: each for key, each in features.items() if each.type is not FeatureType.ACTION},
+        output_features={key: each for key, each in features.items() if each.type is FeatureType.ACTION},
+    )
+    return MotionLibraryPolicy(config), make_pre_post_processors(config)

@@ -7,13 +7,15 @@ A world belongs to the thread that makes it: so do the GL contexts that draw it.
 import io
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from lerobot.robots import Robot
 from numpy.typing import NDArray
 from PIL import Image
 
+from lerobot_owlxt5.conversation import Line
+from lerobot_owlxt5.scene import Thing
 from nico_tabletop.config_nico_sim import NicoSimConfig
 from nico_tabletop.nico_sim import NicoSim
 from nico_tabletop.objects import SHIPPED
@@ -56,10 +58,16 @@ class Table:
 class TalkingRobot(Protocol):
     """What a page needs of `lerobot_owlxt5.conversation.Conversation`."""
 
-    lines: list[Any]
-    busy: bool
-    looking_at: Any
-    things: list[Any]
+    lines: list[Line]
+    looking_at: Thing | None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a movement is going on, or is about to begin."""
+
+    @property
+    def things(self) -> list[Thing]:
+        """What was seen at the last look."""
 
     def hear(self, words: str) -> None:
         """Take a sentence in."""
@@ -180,6 +188,6 @@ class World:
             self._robot = None
 
 
-def _seen(thing: Any) -> Seen:
+def _seen(thing: Thing) -> Seen:
     left, upper, right, lower = (float(edge) for edge in thing.box)
     return Seen(thing.name, (left, upper, right, lower))
