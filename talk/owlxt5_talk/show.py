@@ -15,9 +15,10 @@ def data_url(jpeg: bytes) -> str:
 
 def things(view: View) -> str:
     """Buttons over the eyes' picture, one on each thing that is seen; what is looked at has a frame."""
-    rest = [thing for thing in view.things if view.looking_at is None or not _is_same(thing, view.looking_at)]
-    target = [_button(view.looking_at, "thing target")] if view.looking_at else []
-    return "".join([*(_button(thing, "thing") for thing in rest), *target])
+    target = view.looking_at
+    rest = [thing for thing in view.things if target is None or not target.covers(thing)]
+    buttons = [_button(thing, "thing") for thing in rest]
+    return "".join([*buttons, *([_button(target, "thing target")] if target else [])])
 
 
 def _button(thing: Seen, kind: str) -> str:
@@ -28,13 +29,6 @@ def _button(thing: Seen, kind: str) -> str:
         f'<button type="button" class="{kind}" style="{place}" data-thing="{name}" aria-label="{name}">'
         f"<span>{name}</span></button>"
     )
-
-
-def _is_same(one: Seen, other: Seen) -> bool:
-    """Whether two boxes are of one thing: the middle of one lies in the other."""
-    x, y = (one.box[0] + one.box[2]) / 2, (one.box[1] + one.box[3]) / 2
-    left, upper, right, lower = other.box
-    return left <= x <= right and upper <= y <= lower
 
 
 def status(view: View, texts: Texts) -> str:

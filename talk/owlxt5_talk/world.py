@@ -11,7 +11,6 @@ from typing import Protocol
 
 import numpy as np
 from lerobot.robots import Robot
-from numpy.typing import NDArray
 from PIL import Image
 
 from lerobot_owlxt5.conversation import Line
@@ -29,6 +28,7 @@ SHOWN_LINES = 100
 """So many lines of a conversation are shown, the last ones."""
 
 _JPEG_QUALITY = 85
+_EVERY = {EYES: 1, SPECTATOR: 2}  # so many control periods from one picture to the next
 _STILL = 1e-4  # joints in radians and things in metres that moved by less look the same
 
 
@@ -98,6 +98,12 @@ class Seen:
     name: str
     box: tuple[float, float, float, float]
 
+    def covers(self, other: "Seen") -> bool:
+        """Whether the other's middle lies in this one's box: both are of one thing."""
+        left, upper, right, lower = other.box
+        x, y = (left + right) / 2, (upper + lower) / 2
+        return self.box[0] <= x <= self.box[2] and self.box[1] <= y <= self.box[3]
+
 
 @dataclass(frozen=True)
 class View:
@@ -150,36 +156,43 @@ class World:
             self._robot.reset()
         self.table = table
         self.conversation = self._converse(self._robot)
-        self._drawn: NDArray[np.float64] | None = None
-        self._pictures = b"", b""
+        self._pictures = {camera: (b"", np.empty(0)) for camera in _EVERY}
+        self._views = 0
         self._things: tuple[Seen, ...] = ()
 
     def view(self) -> View:
         """What is to be seen now; draws only where something has moved."""
-        assert self._robot is not None
-        now = self._robot.simulation.data.qpos
-        if self._drawn is None or np.abs(now - self._drawn).max() > _STILL:
-            self._drawn = now.copy()
-            self._pictures = self._draw(EYES), self._draw(SPECTATOR)
+        for camera, every in _EVERY.items():
+            if self._views % every == 0:
+                self._draw(camera)
+        self._views += 1
         conversation = self.conversation
-        target = conversation.looking_at
         if not conversation.busy:  # a detector's look at all there is would hold a movement up
             self._things = tuple(map(_seen, conversation.things))
+        target = _seen(conversation.looking_at) if conversation.looking_at else None
+        if target and not conversation.busy and not any(map(target.covers, self._things)):
+            target = None  # it stood there before it was moved
+        (eyes, _), (bystander, _) = self._pictures.values()
         return View(
-            *self._pictures,
+            eyes,
+            bystander,
             lines=tuple((line.speaker, line.text) for line in conversation.lines[-SHOWN_LINES:]),
             things=self._things,
-            looking_at=_seen(target) if target is not None else None,
+            looking_at=target,
             busy=conversation.busy,
             table=self.table,
         )
 
-    def _draw(self, camera: str) -> bytes:
+    def _draw(self, camera: str) -> None:
         assert self._robot is not None
-        image = self._robot.simulation.render(camera, HEIGHT, WIDTH)
+        now = self._robot.simulation.data.qpos
+        _, drawn = self._pictures[camera]
+        if len(drawn) and np.abs(now - drawn).max() <= _STILL:
+            return
         file = io.BytesIO()
+        image = self._robot.simulation.render(camera, HEIGHT, WIDTH)
         Image.fromarray(image).save(file, "JPEG", quality=_JPEG_QUALITY)
-        return file.getvalue()
+        self._pictures[camera] = file.getvalue(), now.copy()
 
     def close(self) -> None:
         """Free the world and what draws it."""
