@@ -205,6 +205,10 @@ DEAD_PROXY = {
 WORDS, STATUS = "#words textarea, #words input", "#status"
 
 
+def shows(page: Any, selector: str, text: str) -> None:
+    page.locator(selector, has_text=text).first.wait_for()
+
+
 def free_port() -> int:
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
@@ -262,9 +266,10 @@ def test_somebody_talks_to_the_robot_in_a_browser(address: str, browser: Any) ->
     assert page.evaluate("document.body.scrollWidth <= innerWidth")
 
     waiting = browser.new_context(locale="de-DE").new_page()
+    waiting.set_default_timeout(120_000)
     waiting.goto(address)
-    waiting.wait_for_function("document.querySelector('#status').innerText.includes('besetzt')")
-    assert waiting.inner_text("#stop") == "Halt"
+    shows(waiting, "#status", "besetzt")
+    shows(waiting, "#stop", "Halt")
     assert waiting.query_selector("#eyes img[src^=data]") is None
 
     # By keyboard alone: a thing is chosen, and a verb comes before it.
@@ -275,27 +280,24 @@ def test_somebody_talks_to_the_robot_in_a_browser(address: str, browser: Any) ->
     page.keyboard.press("Home")
     page.keyboard.type("push ")
     page.keyboard.press("Enter")
-    page.wait_for_function(
-        "name => [...document.querySelectorAll('#chat .bot')].some(e => e.innerText.includes(name))", arg=name
-    )
+    shows(page, "#chat .bot", name)
     picture = page.get_attribute("#eyes img", "src")
     page.wait_for_function("old => document.querySelector('#eyes img').src !== old", arg=picture)
     page.click("#stop")
-    page.wait_for_function("document.querySelector('#status').innerText.includes('listening')")
-    page.wait_for_function("document.querySelector('#chat').innerText.includes('I stop')")
+    shows(page, "#status", "listening")
+    shows(page, "#chat", "I stop")
 
     page.fill(WORDS, "<img src=x onerror=alert(1)> what do you see?")
     page.keyboard.press("Enter")
-    page.wait_for_function("document.querySelector('#chat').innerText.includes('<img src=x')")
+    shows(page, "#chat", "<img src=x")
     assert page.query_selector("#chat img[src=x]") is None
 
     page.click("text=Deutsch")
-    page.wait_for_function("document.querySelector('#status').innerText.includes('NICO hört zu')")
+    shows(page, "#status", "NICO hört zu")
     page.click("text=bunte Würfel")
-    page.wait_for_function("!document.querySelector('#chat').innerText.includes('img')")
+    page.wait_for_function("!document.querySelector('#chat').innerText.includes('img')")  # a new scene
 
     context.close()  # then the place is free
-    waiting.set_default_timeout(120_000)
     waiting.wait_for_selector("#eyes img[src^=data]")
     waiting.context.close()
     assert [url for url in foreign if not url.startswith(address)] == []
