@@ -152,6 +152,17 @@ def test_the_others_wait_until_somebody_leaves(worlds: list[PlainWorld]) -> None
         visitors.leave(session)
 
 
+def test_who_is_away_for_long_makes_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    visitors = Visitors(lambda: Visitor(PlainWorld, Table()), most=1)  # type: ignore[arg-type]
+    away = visitors.enter("a")
+    assert away and visitors.enter("b") is None
+    monkeypatch.setattr("owlxt5_talk.visitors.PATIENCE_SECONDS", 0.1)
+    time.sleep(0.2)
+    assert visitors.enter("b") and visitors.find("a") is None
+    away.join()
+    visitors.leave("b")
+
+
 @pytest.mark.parametrize("table", [("/etc/passwd", "slots"), ("clant", "../free"), ("", "slots")])
 def test_a_browser_chooses_nothing_but_what_is_there(table: tuple[str, str]) -> None:
     with pytest.raises(ValueError, match="none of"):

@@ -202,12 +202,15 @@ async def _watch(visitors: Visitors, request: gr.Request) -> AsyncIterator[list[
         await asyncio.sleep(1)
     visitor.language = language
     shown: list[Any] = [None] * 6
-    while visitors.find(session) is visitor:
-        new = _shown(visitor.view, TEXTS[visitor.language])
-        if new != shown:
-            yield [gr.skip() if one == before else one for one, before in zip(new, shown, strict=True)]
-            shown = new
-        await asyncio.sleep(0.5 / CONTROL_HZ)
+    try:
+        while visitors.find(session) is visitor:
+            new = _shown(visitor.view, TEXTS[visitor.language])
+            if new != shown:
+                yield [gr.skip() if one == before else one for one, before in zip(new, shown, strict=True)]
+                shown = new
+            await asyncio.sleep(0.5 / CONTROL_HZ)
+    finally:
+        visitors.leave(session)  # also where a browser is gone without a word
     yield [*[gr.skip()] * 3, show.said_politely(TEXTS[visitor.language].left), *[gr.skip()] * 2]
 
 

@@ -36,6 +36,7 @@ class Visitor:
 
     def __init__(self, make_world: Callable[[Table], World], table: Table) -> None:
         self.language = ENGLISH
+        self._heard = time.monotonic()
         self._make_world, self._table = make_world, table
         self._orders: Queue[Callable[[World], None]] = Queue(_WAITING_ORDERS)
         self._leaves, self._stops = threading.Event(), threading.Event()
@@ -47,6 +48,11 @@ class Visitor:
     def view(self) -> View:
         """What is to be seen now; the same object as long as nothing changes."""
         return self._view
+
+    @property
+    def idle_seconds(self) -> float:
+        """How long nothing has come from them."""
+        return time.monotonic() - self._heard
 
     def say(self, words: str) -> None:
         """Say something to the robot; what is longer than it reads it refuses."""
@@ -75,6 +81,7 @@ class Visitor:
         self._thread.join()
 
     def _order(self, order: Callable[[World], None]) -> None:
+        self._heard = time.monotonic()
         with suppress(Full):
             self._orders.put_nowait(order)
 

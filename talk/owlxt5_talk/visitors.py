@@ -6,6 +6,9 @@ from collections.abc import Callable
 
 from .visitor import Visitor
 
+PATIENCE_SECONDS = 900
+"""Who says and chooses nothing for so long makes room where somebody waits (our decision)."""
+
 
 class Visitors:
     """Who has a world, by the browser tab's session.
@@ -23,9 +26,18 @@ class Visitors:
     def enter(self, session: str) -> Visitor | None:
         """Who this is, with a world from now on; None if all places are taken."""
         with self._lock:
-            if session not in self._visitors and len(self._visitors) < self._most:
-                self._visitors[session] = self._make_visitor()
+            if session not in self._visitors:
+                if len(self._visitors) >= self._most:
+                    self._make_room()
+                if len(self._visitors) < self._most:
+                    self._visitors[session] = self._make_visitor()
             return self._visitors.get(session)
+
+    def _make_room(self) -> None:
+        session, longest = max(self._visitors.items(), key=lambda item: item[1].idle_seconds)
+        if longest.idle_seconds > PATIENCE_SECONDS:
+            del self._visitors[session]
+            longest.leave()
 
     def find(self, session: str | None) -> Visitor | None:
         """Who this is; None without a world."""
