@@ -208,6 +208,24 @@ def test_browsers_are_told_to_load_nothing_from_elsewhere() -> None:
     assert b"http" not in headers[b"content-security-policy"] and sent[1]["body"] == b"hello"
 
 
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("--port=70000", "--port must lie between 1 and 65535; got 70000"),
+        ("--port=null", "--port needs a value, not null"),
+        ("--visitors=0", "--visitors must be above 0; got 0"),
+        ("--objects=/etc/passwd", "'/etc/passwd' is none of clant, claeo, household"),
+        ("--policy.path=nowhere/at/all", "--policy.path=nowhere/at/all is no folder with a policy"),
+    ],
+)
+def test_a_mistake_ends_in_one_sentence(option: str, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    cli = pytest.importorskip("owlxt5_talk.cli", reason="needs the extra `talk`", exc_type=ImportError)
+    monkeypatch.setattr(sys, "argv", ["owlxt5-talk", option])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert str(end.value).startswith(f"owlxt5-talk: {message}")
+
+
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 NO_NETWORK = "MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"
 DEAD_PROXY = {

@@ -41,12 +41,13 @@ class TalkConfig:
     # How it stands there at first: slots or free.
     placement: str = "slots"
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
         """Check the options.
 
         Raises:
             ValueError: If one cannot be used.
         """
+        check_given(self)
         if not 1 <= self.port <= 65535:
             raise ValueError(f"--port must lie between 1 and 65535; got {self.port}")
         if self.visitors < 1:
@@ -89,9 +90,16 @@ def make_visitors(most: int, table: Table) -> Visitors:
 
 @parser.wrap()
 def _talk(config: TalkConfig) -> None:
-    check_given(config)
+    config.check()
     table = Table(config.objects, config.placement)
-    address = open_page(build_page(make_visitors(config.visitors, table), table), config.host, config.port)
+    page = build_page(make_visitors(config.visitors, table), table)
+    try:
+        address = open_page(page, config.host, config.port)
+    except OSError:
+        raise ValueError(
+            f"the page cannot be at --host={config.host} --port={config.port}: something else is there, or "
+            "the host is not this computer; choose another port"
+        ) from None
     print(f"Open {address} in a browser to talk to NICO; Ctrl-C ends it.", flush=True)
     threading.Event().wait()
 

@@ -184,8 +184,9 @@ def open_page(page: gr.Blocks, host: str | None = None, port: int | None = None)
         show_error=False,
         enable_monitoring=False,
         ssr_mode=False,
+        run_history=False,  # browsers would keep what was said
         max_file_size=1,  # there is nothing to upload
-        app_kwargs={"middleware": [Middleware(OwnHostOnly)], "docs_url": None, "redoc_url": None},
+        app_kwargs={"middleware": [Middleware(OwnHostOnly)], "openapi_url": None},
         theme=gr.themes.Soft(font=["system-ui", "sans-serif"], font_mono=["ui-monospace", "monospace"]),
         css=(_FOLDER / "page.css").read_text(encoding="utf-8"),
         head=f"<script>{(_FOLDER / 'page.js').read_text(encoding='utf-8')}</script>",

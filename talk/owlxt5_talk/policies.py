@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from huggingface_hub.errors import HFValidationError
 from lerobot.configs import FeatureType, PreTrainedConfig, parser
 from lerobot.envs.utils import env_to_policy_features
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
@@ -24,14 +25,19 @@ def policy_maker() -> Callable[[], tuple[ExecutingPolicy, Processors]]:
     Each visitor needs a policy of their own: it remembers what it is doing, and what "it" is.
 
     Raises:
-        ValueError: If the folder holds a policy that carries nothing out.
-        OSError: If there is no policy in the folder.
+        ValueError: If there is no policy, or one that carries nothing out.
     """
     path = parser.get_path_arg("policy")
     options = parser.get_yaml_overrides("policy") + (parser.get_cli_overrides("policy") or [])
     if path is None:
         return _motion_library
-    config = PreTrainedConfig.from_pretrained(path, cli_overrides=options)
+    try:
+        config = PreTrainedConfig.from_pretrained(path, cli_overrides=options)
+    except (HFValidationError, OSError):
+        raise ValueError(
+            f"--policy.path={path} is no folder with a policy, nor one on the Hub that can be reached; name "
+            "the folder `pretrained_model` of a checkpoint"
+        ) from None
     config.pretrained_path = Path(path)
     policy_class = get_policy_class(config.type)
     if not issubclass(policy_class, ExecutingPolicy):

@@ -170,8 +170,8 @@ class World:
         if not conversation.busy:  # a detector's look at all there is would hold a movement up
             self._things = tuple(map(_seen, conversation.things))
         target = _seen(conversation.looking_at) if conversation.looking_at else None
-        if target and not conversation.busy and not any(map(target.covers, self._things)):
-            target = None  # it stood there before it was moved
+        if target and not conversation.busy:  # it may have been moved since
+            target = next(filter(target.covers, self._things), None)
         (eyes, _), (bystander, _) = self._pictures.values()
         return View(
             eyes,
