@@ -75,7 +75,7 @@ class Execution:
     def succeeded(self) -> bool:
         """Whether the thing was seen to have gone where it should."""
         verb = self.instruction.verb
-        return bool(self.change and verb) and self.change.way == VERBS[verb].way
+        return self.change is not None and verb is not None and self.change.way == VERBS[verb].way
 
     @property
     def is_over(self) -> bool:

@@ -171,10 +171,6 @@ class Scene:
         phrases = {phrase, self._in_english(phrase)} if in_english and phrase else {phrase}
         return any(self._detector.can_read([each]) for each in phrases)
 
-    def is_colour(self, word: str) -> bool:
-        """Whether a word is a colour's, in English or German."""
-        return bool(basic_colour(word) or basic_colour(self._in_english(word)))
-
     def colour_of(self, thing: Thing) -> str | None:
         """The one of `COLOURS` that a thing has; None if its colour is not clear."""
         kind = split_colour(thing.name)[1] or thing.name

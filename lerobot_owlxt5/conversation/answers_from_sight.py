@@ -8,7 +8,8 @@ from ..commands.parser import object_name, with_article
 from ..commands.referring import APART, matching, side_of
 from ..commands.replies import listed
 from ..scene import Scene, Thing
-from .questions import Question
+from .fragments import SIDE_WORDS, colour_said
+from .questions import Question, singular
 
 SIDES = {"left": "on the left", "right": "on the right", "middle": "in the middle"}
 NEAR = 0.3
@@ -77,8 +78,16 @@ def plural(name: str) -> str:
 
 
 def _called(name: str, scene: Scene) -> list[Thing]:
-    """All things of a name in English or German, from left to right."""
-    return sorted(scene.called_in_any_language(object_name(name), ""), key=lambda thing: thing.place.x)
+    """All things of a name in English or German, with a side if one is given, from left to right."""
+    first, _, rest = name.partition(" ")
+    if rest and first in SIDE_WORDS:
+        things = _called(rest, scene)
+        side = Target(name=rest, side=SIDE_WORDS[first])
+        return [things[index] for index in matching(side, [thing.place for thing in things], [], None)]
+    for word in dict.fromkeys((name, singular(name))):
+        if found := scene.called_in_any_language(object_name(word), ""):
+            return sorted(found, key=lambda thing: thing.place.x)
+    return []
 
 
 def _english(name: str, found: list[Thing]) -> str:
@@ -145,10 +154,11 @@ def _colour(found: list[Thing], english: str, scene: Scene) -> Answer:
 
 
 def _is(question: Question, found: list[Thing], english: str, scene: Scene) -> Answer:
-    if not scene.is_colour(question.detail):
+    wanted = colour_said(question.detail)
+    if wanted is None:
         return Answer(f"I cannot tell. {scene.report()}")
-    fits = scene.called_in_any_language(english, question.detail)
-    if fits and len(found) == 1:
-        return Answer(f"Yes, the {english} is {scene.colour_of(found[0])}.", found[0])
     said = _colour(found, english, scene)
-    return said if len(found) > 1 else Answer(f"No, {said.text[:1].lower()}{said.text[1:]}", found[0])
+    colour = scene.colour_of(found[0])
+    if len(found) > 1 or colour is None:
+        return said
+    return Answer(f"{'Yes' if colour == wanted else 'No'}, {said.text[:1].lower()}{said.text[1:]}", found[0])

@@ -24,6 +24,7 @@ from .steps import Ask, Do, GoHome, Open, Planner, Say, Situation, Step, Stop, T
 ONCE_MORE = "I try once more."
 STOPPED = "I stop."
 TOLD_TO_STOP = "You told me to."
+WHAT_TO_TRANSLATE = "What should I translate?"
 NO_TRANSLATION = "I cannot translate: this policy has not learnt it."
 _OF_MEMORY = ("did", "worked", "why", "doing", "ability", "robot")
 
@@ -222,10 +223,10 @@ class Conversation:
 
     def _translate(self, sentence: str) -> None:
         translate: Any = getattr(self._policy, "translate", None)
-        if translate is None or "translate" not in self._policy.config.modes:
+        if translate is None or not self._policy.config.was_trained_in("translate"):
             self._say(NO_TRANSLATION)
-            return
-        self._say(translate([sentence])[0])
+        else:
+            self._say(translate([sentence])[0] if sentence else WHAT_TO_TRANSLATE)
 
     def _say(self, text: str) -> None:
         add(self.lines, "robot", text)

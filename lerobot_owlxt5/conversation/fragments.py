@@ -28,17 +28,23 @@ _FILLERS |= {
     "sie",
     "ihn",
 }
-_SIDES = {"left": "left", "leftmost": "left", "linke": "left", "linken": "left", "links": "left"}
-_SIDES |= {"right": "right", "rightmost": "right", "rechte": "right", "rechten": "right", "rechts": "right"}
-_SIDES |= {
+SIDE_WORDS = {"left": "left", "leftmost": "left", "linke": "left", "linken": "left", "links": "left"}
+SIDE_WORDS |= {
+    "right": "right",
+    "rightmost": "right",
+    "rechte": "right",
+    "rechten": "right",
+    "rechts": "right",
+}
+SIDE_WORDS |= {
     "middle": "middle",
     "center": "middle",
     "centre": "middle",
     "mittlere": "middle",
     "mittleren": "middle",
 }
-_SIDES |= {"mitte": "middle", "near": "near", "nearest": "near", "closest": "near", "nächste": "near"}
-_SIDES |= {"far": "far", "farthest": "far", "furthest": "far"}
+SIDE_WORDS |= {"mitte": "middle", "near": "near", "nearest": "near", "closest": "near", "nächste": "near"}
+SIDE_WORDS |= {"far": "far", "farthest": "far", "furthest": "far"}
 _RANKS = {rank: rank for rank in RANKS} | {"zweite": "second", "zweiten": "second", "dritte": "third"}
 _GERMAN = {
     "rot": "red",
@@ -74,15 +80,20 @@ def which(words: str, asked: Target, seen: Sequence[str]) -> Target | None:
         return Target(name=kind or name, colour=hue if kind else "")
     target, marked = asked, False
     for word in said:
-        if colour := basic_colour(word) or _COLOURS.get(word):
+        if colour := colour_said(word):
             target, marked = replace(target, colour=colour), True
-        elif word in _SIDES:
-            target, marked = replace(target, side=_SIDES[word]), True
+        elif word in SIDE_WORDS:
+            target, marked = replace(target, side=SIDE_WORDS[word]), True
         elif word in _RANKS:
             target, marked = replace(target, order=(_RANKS[word], "left")), True
         elif word not in _FILLERS and word not in asked.name.split():
             return None
     return target if marked else None
+
+
+def colour_said(word: str) -> str | None:
+    """The one of `commands.colours.COLOURS` that an English or German word means; None for another word."""
+    return basic_colour(word) or _COLOURS.get(word)
 
 
 def how(words: str) -> str | None:

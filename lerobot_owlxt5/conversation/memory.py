@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from ..commands.replies import ABILITIES, REPLIES
 from .questions import Question
 
+_HOLDING = "I hold still, because "
 _WORKED = {True: "Yes.", False: "No.", None: "I cannot tell."}
 
 
@@ -57,7 +58,10 @@ class Memory:
     @property
     def _why(self) -> str:
         if self.still:
-            return f"This is why I held still: {self.still}"
+            because = self.still.removeprefix(_HOLDING)
+            return (
+                f"I held still, because {because}" if because != self.still else f"I held still. {self.still}"
+            )
         if self.doing:
             return f"I am moving: {self.doing}"
         return f"I did move. {self.did}" if self.did else "Nobody has asked me to move anything yet."

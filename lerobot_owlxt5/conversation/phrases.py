@@ -34,11 +34,10 @@ YES |= {
 NO = {"no", "nope", "nein", "no thanks", "no thank you", "nein danke", "never mind", "do not", "don't"}
 NO |= {"neither", "none", "lass es", "egal", "nothing", "nichts", "not that"}
 
-_CORRECTION = re.compile(
-    r"^(?:(?:(?:no|nope|nein|sorry|ach|oh|wait|warte)\b[\s,.!]*)+(?:(?:i|ich)\s+(?:meant?|meine?|meinte|want(?:ed)?"
-    r"|wollte)\b[\s,:]*)?|(?:i|ich)\s+(?:meant|mean|meine|meinte)\b[\s,:]*)(?P<rest>.+)$",
-    re.IGNORECASE | re.DOTALL,
-)
+# "No, the mug" and "no the mug" correct, "no mug" does not.
+_NO = r"(?:(?:no|nope|nein|sorry|ach|oh|wait|warte)(?:\s*[,.!;:]\s*|\s+(?=(?:the|die|der|das|den|i|ich)\b)))"
+_MEANT = r"(?:(?:i|ich)\s+(?:meant?|meine?|meinte)\b[\s,:]*)"
+_CORRECTION = re.compile(rf"(?:{_NO}+{_MEANT}?|{_MEANT})(?P<rest>.+)", re.IGNORECASE | re.DOTALL)
 
 
 def says(words: str, phrases: set[str]) -> bool:
@@ -51,5 +50,5 @@ def says(words: str, phrases: set[str]) -> bool:
 
 def corrected(words: str) -> str:
     """What somebody says in place of what was said: "the mug" of "no, I meant the mug"; else ""."""
-    found = _CORRECTION.match(words.strip())
+    found = _CORRECTION.fullmatch(words.strip())
     return found["rest"].strip() if found else ""

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 
 ALL = {"object", "thing", "item", "objekt", "objekte", "ding", "dinge", "gegenstand", "gegenstände", "sache"}
 ALL |= {"sachen", "stuff", "teil", "teile"}
-_PLURALS = {"boxes": "box", "glasses": "glass", "dice": "dice", "knives": "knife"}
+_PLURALS = {"boxes": "box", "glasses": "glass", "dice": "dice", "bälle": "ball", "bällen": "ball"}
 # What may follow a thing's name and is none of it: "are there on the table", "siehst du".
 _TAIL = (
-    r"(?:\s+(?:on|in|at|auf|vor|there|da|dort|hier|here|do|can|are|is|siehst|gibt|liegen|stehen|now|jetzt"
-    r"|right now|please|bitte|you|table|tisch|standing|lying|gerade|denn|eigentlich)\b.*)?$"
+    r"(?:\s+(?:on|in|at|auf|vor|there|da|dort|hier|here|do you|can you|are|is|siehst|gibt|liegen|stehen|now"
+    r"|jetzt|right now|please|bitte|you|table|tisch|standing|lying|gerade|denn|eigentlich)\b.*)?$"
 )
+_NO_THING = {"you", "it", "there", "this", "that", "the", "der", "die", "das", "den", "one", "any", "some"}
 _ARTICLE = (
     r"(?:(?:an?|the|any|some|one|my|your|this|that|der|die|das|den|dem|eine?[nmrs]?|irgendeine?n?)\s+)?"
 )
@@ -98,9 +99,9 @@ def read_question(kind: str, sentence: str) -> Question:
             if name == "side":
                 return Question("side", detail=_SIDES[groups["detail"]])
             detail = _RELATIONS.get(groups["detail"], groups["detail"])
-            thing = _singular(_bare(groups["name"])) if name == "count" else _bare(groups["name"])
-            if thing and thing not in {"you", "it", "there", "this", "that"}:
-                return Question(name, "" if _singular(thing) in ALL else thing, detail)
+            thing = singular(_bare(groups["name"])) if name == "count" else _bare(groups["name"])
+            if thing and thing not in _NO_THING:
+                return Question(name, "" if singular(thing) in ALL else thing, detail)
     return Question("scene")
 
 
@@ -108,11 +109,13 @@ def _bare(phrase: str) -> str:
     return re.sub(rf"^{_ARTICLE}", "", phrase.strip()).strip()
 
 
-def _singular(phrase: str) -> str:
-    """A plural's singular, as far as an s at its end tells; other words as they are."""
+def singular(phrase: str) -> str:
+    """A plural's singular, as far as its end tells; other words as they are."""
     *first, last = phrase.split() or [""]
     if last in _PLURALS:
         last = _PLURALS[last]
-    elif last.endswith("s") and not last.endswith("ss") and len(last) > 3:
+    elif (last.endswith("s") and not last.endswith("ss") and len(last) > 3) or (
+        last.endswith("en") and len(last) > 5
+    ):
         last = last[:-1]
     return " ".join([*first, last])

@@ -48,9 +48,9 @@ def _reply_to(asked: Open, words: str, situation: Situation) -> Step | None:
     if asked.kind == "whether":
         return Do(asked.request) if says(words, YES) else None
     if asked.kind == "how":
-        verb = how(words)
+        understood = situation.understand(words)
+        verb = None if _holds_back(understood) else how(words)
         if verb is None:
-            understood = situation.understand(words)
             same = _single(understood)
             verb = same.verb if same and same.target in (Target(reference="it"), action.target) else None
         return _checked(asked.completed(replace(action, verb=verb))) if verb else None
@@ -74,15 +74,17 @@ def _correction(words: str, situation: Situation) -> Step | None:
     understood = situation.understand(said)
     before = last.actions[0]
     plain_target = replace(before.target, side="", colour="", order=None, reference="", relation=None)
-    if target := _marked(said, plain_target, understood, situation):
-        return _checked(Request((replace(before, target=target),)))
-    action = _single(understood)
-    if action is None or action.verb or action.target == Target():
-        return None
-    target = action.target
-    if not target.name and not target.reference:
-        target = replace(target, name=before.target.name)
-    return _checked(Request((Action(before.verb, target),)))
+    target = _marked(said, plain_target, understood, situation)
+    if target is None:
+        action = _single(understood)
+        if action is None or action.verb or action.target == Target():
+            return None
+        named = action.target.name or action.target.reference
+        target = action.target if named else replace(action.target, name=before.target.name)
+    request = Request((Action(before.verb, target),))
+    if _holds_back(situation.understand(words)):
+        return Say(ask_whether(request.actions[0], ()), Open("whether", request))
+    return _checked(request)
 
 
 def _marked(words: str, asked: Target, understood: Understood, situation: Situation) -> Target | None:
@@ -90,9 +92,13 @@ def _marked(words: str, asked: Target, understood: Understood, situation: Situat
 
     That "the left one" alone is nothing to do is no such reason: it answers a question.
     """
+    return None if _holds_back(understood) else which(words, asked, situation.seen)
+
+
+def _holds_back(understood: Understood) -> bool:
+    """Whether there is a reason not to move, more than that nothing was asked for."""
     answer = understood.answer
-    held = isinstance(answer, meant.Hold) and answer.reason != "not_an_action"
-    return None if held else which(words, asked, situation.seen)
+    return isinstance(answer, meant.Hold) and answer.reason != "not_an_action"
 
 
 def _new(words: str, understood: Understood) -> Step:

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Conversations as plays (tests/plays), on the simulated robot, with a policy that needs no training."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from lerobot.lerobot_types import RobotAction
+
+from lerobot_owlxt5.backbones.understanding import Understood
+from lerobot_owlxt5.commands.answer import REASONS, Action, Hold, Request, Target
+from lerobot_owlxt5.conversation.conversation import ONCE_MORE
+from lerobot_owlxt5.conversation.lines import MOST_LINES
+from lerobot_owlxt5.conversation.questions import Question, read_question
+from lerobot_owlxt5.conversation.rules import plan_by_rules
+from lerobot_owlxt5.conversation.steps import Do, GoHome, Open, Say, Situation, Stop
+from stage import Play, Scene, Stage, Turn, make_stage, read_play
+
+PLAYS = [read_play(path) for path in sorted((Path(__file__).parent / "plays").glob("*.txt"))]
+THREE = Scene("claeo", ["mug", "ball", "can"])
+
+
+@pytest.fixture(scope="module")
+def stage() -> Stage:
+    return make_stage()
+
+
+@pytest.fixture
+def three(stage: Stage) -> Iterator[Stage]:
+    robot = stage.set(THREE)
+    yield stage
+    robot.disconnect()
+
+
+@pytest.mark.parametrize(
+    "play", [pytest.param(p, id=p.name, marks=[pytest.mark.slow] if p.moves else []) for p in PLAYS]
+)
+def test_a_play_goes_as_it_is_written(stage: Stage, play: Play) -> None:
+    for scene in play.scenes:
+        robot = stage.set(scene)
+        for turn in scene.turns:
+            assert (turn.says, *stage.say(turn)) == (turn.says, turn.answers, turn.moved)
+        # An image takes longer than all else: it is drawn for a look alone.
+        assert robot.looks <= 4 * len(scene.turns)
+        # Who looks and finds nothing sends the arms where they are, once.
+        assert play.moves or robot.actions <= len(scene.turns) / 2
+        robot.disconnect()
+
+
+def test_the_documented_transcript_is_a_play() -> None:
+    root = Path(__file__).parents[1]
+    talk = (root / "docs" / "talk.md").read_text("utf-8")
+    said = [line[7:] for line in talk.splitlines() if line.startswith(("you:   ", "robot: "))]
+    play = next(play for play in PLAYS if play.name == "talk")
+    turns = [turn for scene in play.scenes for turn in scene.turns]
+    assert said == [text for turn in turns for text in (turn.says, *turn.answers)]
+    assert len(turns) >= 20
+
+
+def test_the_plays_are_long_enough() -> None:
+    assert sum(play.turns for play in PLAYS) >= 60
+    assert sum(len(play.scenes) for play in PLAYS) >= 5
+
+
+@pytest.mark.slow
+def test_what_did_not_move_is_tried_once_more(three: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    def slack(action: RobotAction) -> RobotAction:
+        return action
+
+    monkeypatch.setattr(three.robot, "send_action", slack)
+    answers, moved = three.say(Turn("push the mug"))
+    tried = "I tried to push the mug, but it did not move."
+    assert answers == ["I will push the mug.", tried, ONCE_MORE, "I will push the mug.", tried]
+    assert moved == "nothing"
+    assert three.say(Turn("did it work?"))[0] == [f"No. {tried}"]
+
+
+@pytest.mark.slow
+def test_stop_holds_at_once_where_the_arms_are(three: Stage) -> None:
+    three.say(Turn("push the mug", wait=25))
+    talk = three.conversation
+    assert talk.busy and talk.looking_at is not None and talk.looking_at.name == "mug"
+    before = three.simulation.joint_positions_deg
+    talk.stop()
+    assert not talk.busy
+    actions = three.robot.actions
+    for _ in range(20):
+        talk.tick()
+    assert three.robot.actions == actions
+    assert abs(three.simulation.joint_positions_deg - before).max() < 5
+
+
+def test_a_question_says_what_it_speaks_of(three: Stage) -> None:
+    talk = three.conversation
+    assert (talk.things, talk.looking_at, talk.busy) == ([], None, False)
+    talk.hear("where is the ball?")
+    assert talk.looking_at is not None and talk.looking_at.name == "ball"
+    assert [thing.name for thing in talk.things] == ["mug", "ball", "can"]
+    assert three.robot.looks == 1 and three.robot.actions == 0
+
+
+def test_only_the_last_lines_are_kept(three: Stage) -> None:
+    talk = three.conversation
+    for _ in range(MOST_LINES):
+        talk.hear("stop")
+    assert len(talk.lines) == MOST_LINES and talk.lines[0].speaker == "person"
+    talk.hear("x" * 10_000)
+    assert len(talk.lines[-2].text) == 500 and "characters" in talk.lines[-1].text
+
+
+CUBE, MUG = Action("push", Target("cube")), Action("push", Target("mug"))
+OPEN = {
+    "whether": Open("whether", Request((MUG,))),
+    "which": Open("which", Request((CUBE,))),
+    "how": Open("how", Request((Action(None, Target("mug")),))),
+    "what": Open("what", Request((Action("pull", Target()),))),
+}
+
+
+TEMPTING = (
+    *(
+        "the left one",
+        "the red one",
+        "no, the mug",
+        "i meant the mug",
+        "mug",
+        "pull it",
+        "pull",
+        "to the left",
+    ),
+    *("pull", "not the mug", "no mug", "no, no mug", "yes but not now", "again and again", "do not stop"),
+)
+
+
+@pytest.mark.parametrize("reason", [reason for reason in REASONS if reason != "not_an_action"])
+@pytest.mark.parametrize("asked", [None, *OPEN])
+def test_no_rule_moves_what_is_held_back(reason: str, asked: str | None) -> None:
+    held = Understood(Hold(reason), 1.0, True)
+    last, seen = Request((CUBE,)), ("mug", "red cube")
+    situation = Situation(lambda _: held, OPEN[asked] if asked else None, last, seen)
+    for words in TEMPTING:
+        assert isinstance(plan_by_rules(words, situation), Say), words
+
+
+@pytest.mark.parametrize(
+    ("words", "asked", "step"),
+    [
+        ("Yes, please!", "whether", Do(Request((MUG,)))),
+        ("nein", "whether", Say("I hold still.")),
+        ("the red one", "which", Do(Request((Action("push", Target("cube", colour="red")),)))),
+        ("den linken", "which", Do(Request((Action("push", Target("cube", side="left")),)))),
+        ("the mug", "which", Do(Request((MUG,)))),
+        ("pull it", "how", Do(Request((Action("pull", Target("mug")),)))),
+        ("to the left, please", "how", Do(Request((Action("slide-to-left", Target("mug")),)))),
+        ("no, the mug", None, Do(Request((MUG,)))),
+        ("Nochmal bitte", None, Do(Request((CUBE,)))),
+        ("Stopp!", None, Stop()),
+        ("geh nach Hause", None, GoHome()),
+    ],
+)
+def test_few_words_are_enough(words: str, asked: str | None, step: object) -> None:
+    nothing = Understood(Hold("not_an_action"), 1.0, True)
+    situation = Situation(
+        lambda _: nothing, OPEN[asked] if asked else None, Request((CUBE,)), ("mug", "red cube")
+    )
+    assert plan_by_rules(words, situation) == step
+
+
+@pytest.mark.parametrize(
+    ("words", "question"),
+    [
+        ("Could you tell me where the wine bottle is, please?", Question("where", "wine bottle")),
+        ("where are my cubes?", Question("where", "cubes")),
+        ("How many wine bottles do you see?", Question("count", "wine bottle")),
+        ("wie viele Sachen liegen auf dem Tisch?", Question("count")),
+        ("which colour does the mug have?", Question("colour", "mug")),
+        ("Ist die Tasse blau?", Question("is", "tasse", "blau")),
+        ("what stands in front of the can?", Question("beside", "can", "before")),
+        ("was liegt rechts?", Question("side", detail="right")),
+    ],
+)
+def test_which_question_it_is(words: str, question: Question) -> None:
+    assert read_question("scene", words) == question
