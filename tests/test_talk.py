@@ -131,6 +131,18 @@ def test_what_breaks_is_said_without_a_trace_and_a_new_word_mends_it(
     assert not visitor.view.failed and len(worlds) == 2
 
 
+def test_of_many_scenes_only_the_last_is_laid(visitor: Visitor, worlds: list[PlainWorld]) -> None:
+    wait_until(lambda: worlds)
+    laid: list[Table] = []
+    lay = worlds[0].lay
+    worlds[0].lay = lambda table: (laid.append(table), time.sleep(0.2), lay(table))  # type: ignore[method-assign]
+    for _ in range(30):
+        visitor.lay(Table("clant"))
+    visitor.lay(Table("household", "free"))
+    wait_until(lambda: visitor.view.table == Table("household", "free"))
+    assert len(laid) < 4
+
+
 def test_who_leaves_frees_the_world(visitor: Visitor, worlds: list[PlainWorld]) -> None:
     wait_until(lambda: worlds)
     visitor.leave()

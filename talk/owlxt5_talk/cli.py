@@ -70,7 +70,6 @@ def make_visitors(most: int, table: Table) -> Visitors:
         ValueError, OSError: If the policy cannot be had.
     """
     make_policy = policy_maker()
-    make_policy()  # what cannot be had is said now, and what is imported for it needs no one to wait
 
     def make_world(chosen: Table) -> World:
         policy, processors = make_policy()

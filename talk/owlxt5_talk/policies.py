@@ -2,6 +2,7 @@
 """The policy that the robot of a visitor runs on."""
 
 from collections.abc import Callable
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +21,28 @@ Processors = tuple[Any, Any]
 
 
 def policy_maker() -> Callable[[], tuple[ExecutingPolicy, Processors]]:
-    """What makes the policy that `--policy.path` names, or motion_library, which needs no training.
+    """What copies the policy that `--policy.path` names, or motion_library, which needs no training.
 
-    Each visitor needs a policy of their own: it remembers what it is doing, and what "it" is.
+    Each visitor needs a policy of their own: it remembers what it is doing, and what "it" is. All is loaded
+    now, in this thread: while transformers loads a model, no other thread may compute.
 
     Raises:
         ValueError: If there is no policy, or one that carries nothing out.
+        OSError: If its models cannot be loaded.
     """
+    policy, processors = _load() if parser.get_path_arg("policy") else _motion_library()
+    policy.understand("hello")  # loads what else is only loaded when it is asked
+    weights = {id(tensor): tensor for tensor in (*policy.parameters(), *policy.buffers())}
+
+    def make() -> tuple[ExecutingPolicy, Processors]:
+        return deepcopy(policy, {**weights}), deepcopy(processors)
+
+    return make
+
+
+def _load() -> tuple[ExecutingPolicy, Processors]:
     path = parser.get_path_arg("policy")
     options = parser.get_yaml_overrides("policy") + (parser.get_cli_overrides("policy") or [])
-    if path is None:
-        return _motion_library
     try:
         config = PreTrainedConfig.from_pretrained(path, cli_overrides=options)
     except (HFValidationError, OSError):
@@ -45,13 +57,9 @@ def policy_maker() -> Callable[[], tuple[ExecutingPolicy, Processors]]:
             f"--policy.path={path} holds the policy '{config.type}', which does not do what it is told; "
             "owlxt5, crosst5 and motion_library do"
         )
-
-    def load() -> tuple[ExecutingPolicy, Processors]:
-        overrides = {"device_processor": {"device": str(config.device)}}
-        processors = make_pre_post_processors(config, path, preprocessor_overrides=overrides)
-        return policy_class.from_pretrained(path, config=config), processors
-
-    return load
+    overrides = {"device_processor": {"device": str(config.device)}}
+    processors = make_pre_post_processors(config, path, preprocessor_overrides=overrides)
+    return policy_class.from_pretrained(path, config=config), processors
 
 
 def _motion_library() -> tuple[ExecutingPolicy, Processors]:

@@ -4,6 +4,7 @@
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -39,6 +40,7 @@ class Visitor:
         self._heard = time.monotonic()
         self._make_world, self._table = make_world, table
         self._orders: Queue[Callable[[World], None]] = Queue(_WAITING_ORDERS)
+        self._scenes: deque[Table] = deque(maxlen=1)  # of many wishes the last one counts
         self._leaves, self._stops = threading.Event(), threading.Event()
         self._view = View(table=table)
         self._thread = threading.Thread(target=self._live, name="visitor", daemon=True)
@@ -66,7 +68,8 @@ class Visitor:
 
     def lay(self, table: Table) -> None:
         """Lay the table anew."""
-        self._order(lambda world: world.lay(table))
+        self._heard = time.monotonic()
+        self._scenes.append(table)
 
     def stop(self) -> None:
         """Let the robot hold still, before all that is waiting."""
@@ -86,7 +89,7 @@ class Visitor:
             self._orders.put_nowait(order)
 
     def _live(self) -> None:
-        """Make worlds, one after another, until the visitor leaves: one breaks at most once."""
+        """Make worlds until the visitor leaves: another one after each that breaks."""
         while not self._leaves.is_set():
             try:
                 self._live_in(self._make_world(self._table))
@@ -103,7 +106,9 @@ class Visitor:
                     self._stops.clear()
                     self._forget_orders()
                     world.conversation.stop()
-                with suppress(Empty):
+                if self._scenes:
+                    world.lay(self._scenes.pop())
+                if not self._orders.empty():
                     self._orders.get_nowait()(world)
                 world.conversation.tick()
                 self._table = world.table
@@ -121,7 +126,7 @@ class Visitor:
     def _wait_for_order(self) -> None:
         """Wait for somebody to ask for anything: a new world will hear it."""
         self._forget_orders()
-        while self._orders.empty() and not self._leaves.wait(_PERIOD):
+        while self._orders.empty() and not self._scenes and not self._leaves.wait(_PERIOD):
             pass
 
     def _forget_orders(self) -> None:
