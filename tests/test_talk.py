@@ -19,6 +19,7 @@ from PIL import Image
 
 from commands import ENVIRONMENT
 from owlxt5_talk import show
+from owlxt5_talk.policies import policy_maker
 from owlxt5_talk.texts import ENGLISH, GERMAN, TEXTS, language_of
 from owlxt5_talk.visitor import Visitor
 from owlxt5_talk.visitors import Visitors
@@ -236,6 +237,16 @@ def test_a_mistake_ends_in_one_sentence(option: str, message: str, monkeypatch: 
     with pytest.raises(SystemExit) as end:
         cli.main()
     assert str(end.value).startswith(f"owlxt5-talk: {message}")
+
+
+def test_each_visitor_has_a_policy_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["owlxt5-talk"])
+    make = policy_maker()
+    (one, processors), (two, others) = make(), make()
+    assert one is not two and processors is not others
+    assert one.rest_pose is two.rest_pose  # the weights are there once
+    one.responses = ["I will push the ball."]
+    assert two.responses == []
 
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
