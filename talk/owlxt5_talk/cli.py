@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`owlxt5-talk`: a page in the browser to talk to the simulated robot (docs/talk_page.md)."""
+
+import logging
+import os
+import secrets
+import sys
+import threading
+from dataclasses import dataclass
+
+import torch
+from draccus.utils import ParsingError
+from lerobot.configs import parser
+from lerobot.robots import Robot
+from transformers.utils.logging import disable_progress_bar
+from yaml import YAMLError
+
+from lerobot_owlxt5.command_line import check_given, explain, quote_texts, write_whatever_the_locale
+from lerobot_owlxt5.conversation import Conversation
+from lerobot_owlxt5.conversation.body import Body
+from nico_tabletop.drawing import DrawingError
+
+from .page import build_page, open_page
+from .policies import policy_maker
+from .visitor import Visitor
+from .visitors import Visitors
+from .world import Table, TalkingRobot, World
+
+
+@dataclass
+class TalkConfig:
+    """Talk to the simulated robot NICO in the browser; --policy.path names another policy."""
+
+    # Where the page is: 127.0.0.1 is this computer alone, 0.0.0.0 whoever reaches it.
+    host: str = "127.0.0.1"
+    port: int = 7860
+    # So many people have a robot at once.
+    visitors: int = 2
+    # What stands on the table at first: clant, claeo or household.
+    objects: str = "claeo"
+    # How it stands there at first: slots or free.
+    placement: str = "slots"
+
+    def check(self) -> None:
+        """Check the options.
+
+        Raises:
+            ValueError: If one cannot be used.
+        """
+        check_given(self)
+        if not 1 <= self.port <= 65535:
+            raise ValueError(f"--port must lie between 1 and 65535; got {self.port}")
+        if self.visitors < 1:
+            raise ValueError(f"--visitors must be above 0; got {self.visitors}")
+
+    @classmethod
+    def __get_path_fields__(cls) -> list[str]:
+        """LeRobot's parser leaves `--policy.path`, and the other `--policy` options with it, to us."""
+        return ["policy"]
+
+
+def make_visitors(most: int, table: Table) -> Visitors:
+    """All who will come: each gets a world with a robot, a policy and a conversation of their own.
+
+    Args:
+        most: So many at once.
+        table: What they find.
+
+    Raises:
+        ValueError, OSError: If the policy cannot be had.
+    """
+    make_policy = policy_maker()
+
+    def make_world(chosen: Table) -> World:
+        policy, processors = make_policy()
+
+        def converse(robot: Robot) -> TalkingRobot:
+            conversation = Conversation(robot, policy, processors)
+            if policy.visual.names_objects:  # a first look: things are there to be named
+                body = Body(robot, processors, torch.device(policy.config.device or "cpu"))
+                body.look()
+                policy.scenes(body.batch(""))
+            return conversation
+
+        return World(converse, chosen, secrets.randbelow(2**31))
+
+    return Visitors(lambda: Visitor(make_world, table), most)
+
+
+@parser.wrap()
+def _talk(config: TalkConfig) -> None:
+    config.check()
+    table = Table(config.objects, config.placement)
+    page = build_page(make_visitors(config.visitors, table), table)
+    try:
+        address = open_page(page, config.host, config.port)
+    except OSError:
+        raise ValueError(
+            f"the page cannot be at --host={config.host} --port={config.port}: something else is there, or "
+            "the host is not this computer; choose another port"
+        ) from None
+    print(f"Open {address} in a browser to talk to NICO; Ctrl-C ends it.", flush=True)
+    threading.Event().wait()
+
+
+def main() -> None:
+    """Entry point; an error that the user can mend ends in one message and exit status 1."""
+    write_whatever_the_locale()
+    os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa's software renderer needs no threads of its own
+    disable_progress_bar()
+    logging.getLogger("httpx").setLevel(logging.WARNING)
+    # LeRobot's parser, which knows --policy.path, reads them from here.
+    sys.argv[1:] = quote_texts(TalkConfig, sys.argv[1:])
+    try:
+        _talk()
+    except (OSError, ValueError, ParsingError, YAMLError, DrawingError) as error:
+        sys.exit(f"owlxt5-talk: {explain(error)}")
+    except KeyboardInterrupt:
+        print()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The policy that the robot of a visitor runs on."""
+
+from collections.abc import Callable
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+from huggingface_hub.errors import HFValidationError
+from lerobot.configs import FeatureType, PreTrainedConfig, parser
+from lerobot.envs.utils import env_to_policy_features
+from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+
+import lerobot_policy_owlxt5  # noqa: F401  registers the policies and what their names must pass
+from lerobot_owlxt5 import MotionLibraryConfig, MotionLibraryPolicy
+from lerobot_owlxt5.executing_policy import ExecutingPolicy
+from nico_tabletop.configuration import ClaeoEnvConfig
+
+Processors = tuple[Any, Any]
+"""LeRobot's preprocessor and postprocessor of a policy."""
+
+
+def policy_maker() -> Callable[[], tuple[ExecutingPolicy, Processors]]:
+    """What copies the policy that `--policy.path` names, or motion_library, which needs no training.
+
+    Each visitor needs a policy of their own: it remembers what it is doing, and what "it" is. All is loaded
+    now, in this thread: while transformers loads a model, no other thread may compute.
+
+    Raises:
+        ValueError: If there is no policy, or one that carries nothing out.
+        OSError: If its models cannot be loaded.
+    """
+    policy, processors = _load() if parser.get_path_arg("policy") else _motion_library()
+    policy.understand("hello")  # loads what else is only loaded when it is asked
+    weights = {id(tensor): tensor for tensor in (*policy.parameters(), *policy.buffers())}
+
+    def make() -> tuple[ExecutingPolicy, Processors]:
+        return deepcopy(policy, {**weights}), deepcopy(processors)
+
+    return make
+
+
+def _load() -> tuple[ExecutingPolicy, Processors]:
+    path = parser.get_path_arg("policy")
+    options = parser.get_yaml_overrides("policy") + (parser.get_cli_overrides("policy") or [])
+    try:
+        config = PreTrainedConfig.from_pretrained(path, cli_overrides=options)
+    except (HFValidationError, OSError):
+        raise ValueError(
+            f"--policy.path={path} is no folder with a policy, nor one on the Hub that can be reached; name "
+            "the folder `pretrained_model` of a checkpoint"
+        ) from None
+    config.pretrained_path = Path(path)
+    policy_class = get_policy_class(config.type)
+    if not issubclass(policy_class, ExecutingPolicy):
+        raise ValueError(
+            f"--policy.path={path} holds the policy '{config.type}', which does not do what it is told; "
+            "owlxt5, crosst5 and motion_library do"
+        )
+    overrides = {"device_processor": {"device": str(config.device)}}
+    processors = make_pre_post_processors(config, path, preprocessor_overrides=overrides)
+    return policy_class.from_pretrained(path, config=config), processors
+
+
+def _motion_library() -> tuple[ExecutingPolicy, Processors]:
+    features = env_to_policy_features(ClaeoEnvConfig())
+    config = MotionLibraryConfig(
+        device="cpu",
+        input_features={key: each for key, each in features.items() if each.type is not FeatureType.ACTION},
+        output_features={key: each for key, each in features.items() if each.type is FeatureType.ACTION},
+    )
+    return MotionLibraryPolicy(config), make_pre_post_processors(config)

@@ -1,0 +1,356 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tests of the page to talk to the robot: a visitor's world, who waits, and what a browser shows."""
+
+import asyncio
+import io
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from PIL import Image
+
+from commands import ENVIRONMENT
+from owlxt5_talk import show
+from owlxt5_talk.policies import policy_maker
+from owlxt5_talk.texts import ENGLISH, GERMAN, TEXTS, language_of
+from owlxt5_talk.visitor import Visitor
+from owlxt5_talk.visitors import Visitors
+from owlxt5_talk.world import HEIGHT, WIDTH, Seen, Table, View, World
+from talk_helpers import EchoConversation
+
+BALL = Seen("ball", (0.4, 0.4, 0.6, 0.6))
+
+
+def wait_until(true: Callable[[], Any], seconds: float = 60) -> None:
+    """A busy machine is slow, not wrong."""
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.02)
+
+
+class PlainWorld:
+    """A world without pictures."""
+
+    def __init__(self, table: Table) -> None:
+        self.closed = False
+        self.lay(table)
+
+    def lay(self, table: Table) -> None:
+        self.table, self.conversation = table, EchoConversation(robot=None)  # type: ignore[arg-type]
+        self.conversation.tick = lambda: None  # type: ignore[method-assign]
+
+    def view(self) -> View:
+        lines = tuple((line.speaker, line.text) for line in self.conversation.lines)
+        return View(lines=lines, busy=self.conversation.busy, table=self.table)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.fixture
+def worlds() -> list[PlainWorld]:
+    return []
+
+
+@pytest.fixture
+def visitor(worlds: list[PlainWorld]) -> Iterator[Visitor]:
+    def make(table: Table) -> World:
+        worlds.append(PlainWorld(table))
+        return worlds[-1]  # type: ignore[return-value]
+
+    somebody = Visitor(make, Table())
+    yield somebody
+    somebody.leave()
+    somebody.join()
+
+
+def test_a_visitor_talks_to_a_robot_in_a_world_of_their_own() -> None:
+    visitor = Visitor(lambda table: World(EchoConversation, table, seed=1), Table())
+    wait_until(lambda: visitor.view.bystander)
+    before = visitor.view
+    image = Image.open(io.BytesIO(before.eyes))
+    assert image.size == (WIDTH, HEIGHT) and len(image.getcolors(WIDTH * HEIGHT) or ()) > 100
+    assert len(before.things) == 3 and not before.busy
+    visitor.say("hello")
+    wait_until(lambda: visitor.view.lines and not visitor.view.busy)
+    after = visitor.view
+    assert after.lines == (("person", "hello"), ("robot", "I heard: hello"))
+    assert after.eyes != before.eyes  # an arm has moved
+    wait_until(lambda: visitor.view.bystander != before.bystander)
+    still = visitor.view
+    time.sleep(0.3)
+    assert visitor.view is still  # nothing moves, so nothing is drawn
+    visitor.lay(Table("clant", "free"))
+    wait_until(lambda: visitor.view.table == Table("clant", "free"))
+    assert visitor.view.lines == () and "cube" not in {thing.name for thing in before.things}
+    visitor.leave()
+    visitor.join()
+
+
+def test_stop_comes_before_all_that_waits(visitor: Visitor, worlds: list[PlainWorld]) -> None:
+    wait_until(lambda: worlds)
+    visitor.say("go")
+    wait_until(lambda: visitor.view.busy)
+    for _ in range(3):
+        visitor.say("go on")
+    visitor.stop()
+    wait_until(lambda: not visitor.view.busy)
+    time.sleep(0.3)
+    assert not visitor.view.busy and len(visitor.view.lines) < 8
+
+
+def test_what_is_sent_is_bounded(visitor: Visitor) -> None:
+    visitor.say("x" * 100_000)
+    visitor.say("   ")
+    wait_until(lambda: visitor.view.lines)
+    assert len(visitor.view.lines[0][1]) == 501  # one more than the robot reads: it says so
+    for number in range(1000):
+        visitor.say(str(number))
+    time.sleep(0.3)
+    assert len(visitor.view.lines) < 200
+
+
+def test_what_breaks_is_said_without_a_trace_and_a_new_word_mends_it(
+    visitor: Visitor, worlds: list[PlainWorld]
+) -> None:
+    visitor.say("break")
+    wait_until(lambda: visitor.view.failed)
+    assert worlds[0].closed
+    shown = show.status(visitor.view, TEXTS[ENGLISH])
+    assert "new scene" in shown and "secret" not in shown
+    visitor.lay(Table("household"))
+    wait_until(lambda: visitor.view.table.objects == "household")
+    assert not visitor.view.failed and len(worlds) == 2
+
+
+def test_of_many_scenes_only_the_last_is_laid(visitor: Visitor, worlds: list[PlainWorld]) -> None:
+    wait_until(lambda: worlds)
+    laid: list[Table] = []
+    lay = worlds[0].lay
+    worlds[0].lay = lambda table: (laid.append(table), time.sleep(0.2), lay(table))  # type: ignore[method-assign]
+    for _ in range(30):
+        visitor.lay(Table("clant"))
+    visitor.lay(Table("household", "free"))
+    wait_until(lambda: visitor.view.table == Table("household", "free"))
+    assert len(laid) < 4
+
+
+def test_who_leaves_frees_the_world(visitor: Visitor, worlds: list[PlainWorld]) -> None:
+    wait_until(lambda: worlds)
+    visitor.leave()
+    visitor.join()
+    assert worlds[0].closed
+
+
+def test_the_others_wait_until_somebody_leaves(worlds: list[PlainWorld]) -> None:
+    visitors = Visitors(lambda: Visitor(PlainWorld, Table()), most=2)  # type: ignore[arg-type]
+    first = visitors.enter("a")
+    assert first and visitors.enter("a") is first
+    assert visitors.enter("b") and visitors.enter("c") is None
+    assert visitors.find("c") is None and visitors.find(None) is None
+    visitors.leave("c")
+    visitors.leave("a")
+    first.join()
+    assert visitors.enter("c") and visitors.find("a") is None
+    for session in "bc":
+        visitors.leave(session)
+
+
+def test_who_is_away_for_long_makes_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    visitors = Visitors(lambda: Visitor(PlainWorld, Table()), most=1)  # type: ignore[arg-type]
+    away = visitors.enter("a")
+    assert away and visitors.enter("b") is None
+    monkeypatch.setattr("owlxt5_talk.visitors.PATIENCE_SECONDS", 0.1)
+    time.sleep(0.2)
+    assert visitors.enter("b") and visitors.find("a") is None
+    away.join()
+    visitors.leave("b")
+
+
+@pytest.mark.parametrize("table", [("/etc/passwd", "slots"), ("clant", "../free"), ("", "slots")])
+def test_a_browser_chooses_nothing_but_what_is_there(table: tuple[str, str]) -> None:
+    with pytest.raises(ValueError, match="none of"):
+        Table(*table)
+
+
+def test_names_are_escaped() -> None:
+    evil = Seen('"><script>alert(1)</script>', (-1.0, 0.1, 0.5, 2.0))
+    view = View(eyes=b"x", things=(evil,), looking_at=None)
+    for shown in (show.things(view), show.status(replace(view, busy=True, looking_at=evil), TEXTS[ENGLISH])):
+        assert "<script" not in shown and "&lt;script" in shown
+    assert "left:0.0%;top:10.0%;width:50.0%;height:90.0%" in show.things(view)
+
+
+def test_what_is_looked_at_has_a_frame_and_stands_there_once() -> None:
+    cup = Seen("cup", (0.1, 0.4, 0.2, 0.6))
+    shown = show.things(View(things=(cup, BALL), looking_at=replace(BALL, name="orange ball")))
+    assert shown.count("<button") == 2 and "orange ball" in shown and 'data-thing="ball"' not in shown
+    assert show.status(View(eyes=b"x", busy=True, looking_at=BALL), TEXTS[GERMAN]).count("ball") == 1
+
+
+@pytest.mark.parametrize(
+    ("header", "language"),
+    [("de-DE,de;q=0.9,en;q=0.8", GERMAN), ("fr,de;q=0.5", GERMAN), ("en-US", ENGLISH), ("", ENGLISH)],
+)
+def test_the_page_speaks_a_browsers_language(header: str, language: str) -> None:
+    assert language_of(header) == language
+
+
+def test_browsers_are_told_to_load_nothing_from_elsewhere() -> None:
+    starlette = pytest.importorskip("starlette.responses", reason="needs the extra `talk`")
+    from owlxt5_talk.own_host import OwnHostOnly
+
+    sent: list[Any] = []
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    scope = {"type": "http", "method": "GET", "headers": []}
+    asyncio.run(OwnHostOnly(starlette.PlainTextResponse("hello"))(scope, None, send))  # type: ignore[arg-type]
+    headers = dict(sent[0]["headers"])
+    assert headers[b"content-security-policy"].startswith(b"default-src 'self'")
+    assert b"http" not in headers[b"content-security-policy"] and sent[1]["body"] == b"hello"
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("--port=70000", "--port must lie between 1 and 65535; got 70000"),
+        ("--port=null", "--port needs a value, not null"),
+        ("--visitors=0", "--visitors must be above 0; got 0"),
+        ("--objects=/etc/passwd", "'/etc/passwd' is none of clant, claeo, household"),
+        ("--policy.path=nowhere/at/all", "--policy.path=nowhere/at/all is no folder with a policy"),
+    ],
+)
+def test_a_mistake_ends_in_one_sentence(option: str, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    cli = pytest.importorskip("owlxt5_talk.cli", reason="needs the extra `talk`", exc_type=ImportError)
+    monkeypatch.setattr(sys, "argv", ["owlxt5-talk", option])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert str(end.value).startswith(f"owlxt5-talk: {message}")
+
+
+def test_each_visitor_has_a_policy_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["owlxt5-talk"])
+    make = policy_maker()
+    (one, processors), (two, others) = make(), make()
+    assert one is not two and processors is not others
+    assert one.rest_pose is two.rest_pose  # the weights are there once
+    one.responses = ["I will push the ball."]
+    assert two.responses == []
+
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+NO_NETWORK = "MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"
+DEAD_PROXY = {
+    f"{kind}_proxy": "http://127.0.0.1:9" for kind in ("http", "https", "all", "HTTP", "HTTPS", "ALL")
+}
+WORDS, STATUS = "#words textarea, #words input", "#status"
+
+
+def shows(page: Any, selector: str, text: str) -> None:
+    page.locator(selector, has_text=text).first.wait_for()
+
+
+def free_port() -> int:
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return int(listener.getsockname()[1])
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    """The real command, of which nothing gets out of this computer."""
+    pytest.importorskip("gradio", reason="needs the extra `talk`")
+    command = [sys.executable, "-m", "owlxt5_talk.cli", f"--port={free_port()}", "--visitors=1"]
+    environment = ENVIRONMENT | DEAD_PROXY | {"no_proxy": "127.0.0.1", "PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
+    ) as server:
+        assert server.stdout is not None
+        lines = []
+        for line in server.stdout:
+            lines.append(line)
+            if line.startswith("Open "):
+                break
+        else:
+            raise AssertionError("".join(lines)[-4000:])
+        assert line.startswith("Open http://127.0.0.1:")
+        yield line.split()[1]
+        server.send_signal(signal.SIGINT)
+        output = server.communicate(timeout=60)[0]
+        assert "Traceback" not in output, output[-4000:]
+
+
+@pytest.fixture
+def browser() -> Iterator[Any]:
+    playwright = pytest.importorskip("playwright.sync_api", reason="needs the extra `dev`")
+    if CHROMIUM is None:
+        pytest.skip("needs Chromium; on Debian or Ubuntu: apt-get install chromium")
+    options = [f"--host-resolver-rules={NO_NETWORK}", *(["--no-sandbox"] if os.geteuid() == 0 else [])]
+    with playwright.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=CHROMIUM, args=options)
+        yield browser
+        browser.close()
+
+
+@pytest.mark.slow
+def test_somebody_talks_to_the_robot_in_a_browser(address: str, browser: Any) -> None:
+    context = browser.new_context(locale="en-US", viewport={"width": 390, "height": 844})
+    page = context.new_page()
+    page.set_default_timeout(120_000)
+    foreign, errors = [], []
+    page.on("request", lambda each: foreign.append(each.url) if each.url.startswith("http") else None)
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(address)
+    page.wait_for_selector("#eyes img[src^=data]")
+    page.wait_for_selector("#bystander img[src^=data]")
+    page.wait_for_selector("#things button")
+    assert page.evaluate("document.body.scrollWidth <= innerWidth")
+
+    waiting = browser.new_context(locale="de-DE").new_page()
+    waiting.set_default_timeout(120_000)
+    waiting.goto(address)
+    shows(waiting, "#status", "besetzt")
+    shows(waiting, "#stop", "Halt")
+    assert waiting.query_selector("#eyes img[src^=data]") is None
+
+    # By keyboard alone: a thing is chosen, and a verb comes before it.
+    page.focus("#things button >> nth=0")
+    page.keyboard.press("Enter")
+    name = page.input_value(WORDS).removeprefix("the ")
+    assert name and page.evaluate("document.activeElement.closest('#words') !== null")
+    page.keyboard.press("Home")
+    page.keyboard.type("push ")
+    page.keyboard.press("Enter")
+    shows(page, "#chat .bot", name)
+    picture = page.get_attribute("#eyes img", "src")
+    page.wait_for_function("old => document.querySelector('#eyes img').src !== old", arg=picture)
+    page.click("#stop")
+    shows(page, "#status", "listening")
+    shows(page, "#chat", "I stop")
+
+    page.fill(WORDS, "<img src=x onerror=alert(1)> what do you see?")
+    page.keyboard.press("Enter")
+    shows(page, "#chat", "<img src=x")
+    assert page.query_selector("#chat img[src=x]") is None
+
+    page.click("text=Deutsch")
+    shows(page, "#status", "NICO hört zu")
+    page.click("text=bunte Würfel")
+    page.wait_for_function("!document.querySelector('#chat').innerText.includes('img')")  # a new scene
+
+    context.close()  # then the place is free
+    waiting.wait_for_selector("#eyes img[src^=data]")
+    waiting.context.close()
+    assert [url for url in foreign if not url.startswith(address)] == []
+    assert errors == []
