@@ -66,7 +66,7 @@ class ExecutingPolicy(PreTrainedPolicy):
         self._agreed: dict[str, Request] = {}
         self.responses: list[str] = []
         self.reported: list[Execution | None] = []
-        vars(self).pop("sight", None)  # a new one has seen nothing
+        self.__dict__.pop("sight", None)  # a new one has seen nothing
 
     def understand(self, sentence: str) -> Understood:
         """What a sentence asks for, as `select_action` takes it; nothing is done about it."""
