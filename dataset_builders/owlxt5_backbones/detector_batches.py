@@ -22,8 +22,6 @@ _ANY_PATCHES = 16
 _ALL_PATCHES = 0.1
 # Patches whose middle lies in this inner share of a box are to find it.
 _INNER = 0.8
-# Shares of images that are out of focus, compressed much, and dark; how little light is left at the darkest.
-_BLURRED, _COMPRESSED, _DARK, _DARKEST = 0.2, 0.2, 0.2, 0.07
 _FAR = 4.0  # more than any squared distance in a square with edges of 1
 
 
@@ -44,13 +42,7 @@ class Collator:
         self._edge = processor.image_processor.size["width"]  # type: ignore[attr-defined]
         self._side, self._patches = side, patches
         light = v2.ColorJitter(brightness=0.25, contrast=0.25, saturation=0.25)
-        blur = v2.RandomApply([v2.GaussianBlur(9, (0.3, 2.0))], _BLURRED)
-        compress = v2.Compose(
-            [v2.ToDtype(torch.uint8, scale=True), v2.JPEG((20, 90)), v2.ToDtype(torch.float32, scale=True)]
-        )
-        self.relight = v2.Compose(
-            [light, v2.GaussianNoise(sigma=0.02), blur, v2.RandomApply([compress], _COMPRESSED), _darken]
-        )
+        self.relight = v2.Compose([light, v2.GaussianNoise(sigma=0.02)])
 
     def __call__(self, rows: Sequence[Mapping[str, Any]]) -> dict[str, Tensor]:
         """Collate rows of `scenes.RandomScenes.images`.
@@ -133,11 +125,3 @@ class Collator:
         nearest = nn.functional.pad(nearest.masked_fill(~inner, torch.inf), (0, 1), value=_FAR)
         found = nn.functional.pad(boxes, (0, 0, 0, 1))[nearest.argmin(dim=-1)]
         return patches, inner.float() @ meant > 0, found, known
-
-
-def _darken(image: Tensor) -> Tensor:
-    """Take light away from some images, as an exposure that is too short does."""
-    if torch.rand(()) >= _DARK:
-        return image
-    left = _DARKEST ** torch.rand(())
-    return (image * left * 255).round() / 255

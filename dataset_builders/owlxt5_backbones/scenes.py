@@ -31,9 +31,7 @@ _TRIES = 200
 _FEWEST_PIXELS = 40
 _TWINS = 0.4
 _ROBOT_HIDDEN, _ARMS_ELSEWHERE = 0.15, 0.4
-_CAMERA_SHIFT, _CAMERA_TURN, _ZOOM = 0.012, 2.0, 2.5  # metres and degrees, standard deviations
-# So many tables have no grain, and are white or nearly so.
-_WHITE = 0.2
+_CAMERA_SHIFT, _CAMERA_TURN, _ZOOM = 0.008, 2.0, 2.5  # metres and degrees, standard deviations
 
 
 class RandomScenes:
@@ -94,15 +92,12 @@ class RandomScenes:
         return np.array([geom for geom, body in enumerate(self._model.geom_bodyid) if body not in named])
 
     def _paint_textures(self) -> None:
-        """Another wood: the texture's two colours become two others, or both a white."""
+        """Another wood: the texture's two colours become two others."""
         model, texture = self._model, self._model.texture("wood")
-        self._white = self._rng.random() < _WHITE
         start, size = int(texture.adr[0]), int(texture.height[0] * texture.width[0] * texture.nchannel[0])
         pixels = model.tex_data[start : start + size].reshape(-1, 3)
-        brightness = self._rng.uniform(215, 255) if self._white else self._rng.uniform(60, 245)
-        tint = 0 if self._white else self._rng.uniform(-0.3, 0.3, 3)
-        base = brightness * (1 + tint) * np.ones(3)
-        marks = base * (1 if self._white else self._rng.uniform(0.6, 1.15))
+        base = self._rng.uniform(60, 245) * (1 + self._rng.uniform(-0.3, 0.3, 3))
+        marks = base * self._rng.uniform(0.6, 1.15)
         marked = (pixels != pixels[0]).any(axis=1)
         pixels[:] = np.clip(np.where(marked[:, None], marks, base), 0, 255).astype(np.uint8)
         model.mat_texrepeat[model.material("wood").id] = self._rng.uniform(0.7, 6, 2)
@@ -131,8 +126,7 @@ class RandomScenes:
         model.geom_rgba[model.geom("floor").id, :3] = rng.uniform(0.15, 0.95) * (
             1 + rng.uniform(-0.25, 0.25, 3)
         )
-        darkest = 0.95 if self._white else 0.6
-        model.mat_rgba[model.material("wood").id, :3] = rng.uniform(darkest, 1.0, 3)
+        model.mat_rgba[model.material("wood").id, :3] = rng.uniform(0.6, 1.0, 3)
 
     def _pose_arms(self) -> None:
         rng, angles = self._rng, INITIAL_POSE_DEG.astype(np.float64)

@@ -74,9 +74,6 @@ class BackbonesConfig:
     start_from: Path | None = None
     # Layers of the encoder of the T5 in start_from, if it is to have more than there.
     layers: int | None = None
-    # Share of the detector's weights that is learnt here; the rest is that of start_from. So what it learns
-    # anew costs it little of what it could do (Wortsman et al., CVPR 2022).
-    share: float = 1.0
 
     @property
     def recipe(self) -> Recipe:
@@ -104,8 +101,6 @@ class BackbonesConfig:
             options["start_from"] = "…"
         if self.layers is not None:
             options["layers"] = self.layers
-        if self.share != 1:
-            options["share"] = self.share
         return before + " ".join(
             ["owlxt5-backbones", *(f"--{key}={value}" for key, value in options.items())]
         )
@@ -162,10 +157,6 @@ def train_detector(config: BackbonesConfig, sizes: DetectorSizes) -> tuple[PreTr
     collate = Collator(processor, model.num_patches_width, _PATCHES)
     trainer = DetectorTrainer(model, _arguments(config), data_collator=collate, train_dataset=images)
     losses = _train(trainer)
-    if start and config.share != 1:
-        before, _ = load_detector_model(start)
-        for weight, old in zip(model.parameters(), before.parameters(), strict=True):
-            weight.data.lerp_(old.data, 1 - config.share)
     model.eval()
     model.config.score_threshold = find_threshold(model, processor, validation, config.seed)
     processor.save_pretrained(config.model_dir)
@@ -207,8 +198,6 @@ def main(config: BackbonesConfig) -> None:
     """Make the data, train, evaluate, and say where the result is."""
     if config.part not in RECIPES:
         sys.exit(f"owlxt5-backbones: --part is one of {', '.join(RECIPES)}, not {config.part!r}")
-    if not 0 < config.share <= 1:
-        sys.exit(f"owlxt5-backbones: --share must lie above 0 and not above 1; got {config.share}")
     check_numbers(config, "steps", "batch_size", "images", "learning_rate", "layers")
     # Reads the card of the model to start from: better missing now than after hours.
     command = config.command

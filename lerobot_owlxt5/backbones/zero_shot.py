@@ -27,6 +27,8 @@ from .pretrained import find_backbone, load_pretrained
 IMAGES_AT_ONCE = 8
 # Of which the embeddings are kept, a few kilobytes each.
 MOST_NAMES = 1000
+# A darker image, by the mean of its pixels, is brightened to this, at most so many times.
+DARK, MOST_GAIN = 0.4, 10.0
 
 
 class OwlCandidates:
@@ -239,7 +241,17 @@ class ZeroShotDetector(Detector):
         """The camera's images, in [0, 1]; the model moves to where they are."""
         images: Tensor = observation[self.camera]
         self.model.to(images.device)
-        return images / 255 if images.dtype == torch.uint8 else images
+        return _exposed(images / 255 if images.dtype == torch.uint8 else images)
+
+
+def _exposed(images: Tensor) -> Tensor:
+    """Brighten dark images, as the automatic exposure of a camera does (our decision); others stay as they are.
+
+    Args:
+        images: (batch, 3, height, width) in [0, 1].
+    """
+    mean = images.mean(dim=(1, 2, 3), keepdim=True)
+    return (images * (DARK / mean).clamp(1.0, MOST_GAIN)).clamp(max=1.0)
 
 
 def _full(names: Sequence[Sequence[str]]) -> list[list[str]]:
