@@ -245,7 +245,7 @@ class ZeroShotDetector(Detector):
 
 
 def _exposed(images: Tensor) -> Tensor:
-    """Brighten dark images, as the automatic exposure of a camera does (our decision); others stay as they are.
+    """Brighten dark images, as a camera's automatic exposure does (our decision); others stay as they are.
 
     Args:
         images: (batch, 3, height, width) in [0, 1].
