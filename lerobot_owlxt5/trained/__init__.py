@@ -12,6 +12,11 @@ FOLDER = Path(str(files(__package__))) / "owlxt5"
 """Where the policy lies: a LeRobot checkpoint, `--policy.path`."""
 
 
+def is_there(folder: Path = FOLDER) -> bool:
+    """Whether this package came with weights; `folder` is where they should be."""
+    return (folder / "model.safetensors").is_file()
+
+
 def find_policy(folder: Path = FOLDER) -> Path:
     """The folder of the policy.
 
@@ -21,7 +26,7 @@ def find_policy(folder: Path = FOLDER) -> Path:
     Raises:
         FileNotFoundError: If this package came without weights.
     """
-    if not (folder / "model.safetensors").is_file():
+    if not is_there(folder):
         raise FileNotFoundError(
             "This version of lerobot_policy_owlxt5 has no trained policy: train one with lerobot-train, "
             "as the README shows, and name its folder with --policy.path."

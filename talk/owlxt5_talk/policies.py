@@ -14,6 +14,7 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 import lerobot_policy_owlxt5  # noqa: F401  registers the policies and what their names must pass
 from lerobot_owlxt5 import MotionLibraryConfig, MotionLibraryPolicy
 from lerobot_owlxt5.executing_policy import ExecutingPolicy
+from lerobot_owlxt5.trained import find_policy, is_there
 from nico_tabletop.configuration import ClaeoEnvConfig
 
 Processors = tuple[Any, Any]
@@ -21,16 +22,19 @@ Processors = tuple[Any, Any]
 
 
 def policy_maker() -> Callable[[], tuple[ExecutingPolicy, Processors]]:
-    """What copies the policy that `--policy.path` names, or motion_library, which needs no training.
+    """What copies the policy that was chosen; without a choice the trained one of the package.
 
-    Each visitor needs a policy of their own: it remembers what it is doing, and what "it" is. All is loaded
-    now, in this thread: while transformers loads a model, no other thread may compute.
+    `--policy.path` chooses: a folder, or `motion_library`, which needs no training and is also taken where
+    the package came without a trained one. Each visitor needs a policy of their own: it remembers what it is
+    doing, and what "it" is. All is loaded now, in this thread: while transformers loads a model, no other
+    thread may compute.
 
     Raises:
         ValueError: If there is no policy, or one that carries nothing out.
         OSError: If its models cannot be loaded.
     """
-    policy, processors = _load() if parser.get_path_arg("policy") else _motion_library()
+    path = parser.get_path_arg("policy") or (find_policy() if is_there() else MotionLibraryPolicy.name)
+    policy, processors = _motion_library() if path == MotionLibraryPolicy.name else _load(Path(path))
     policy.understand("hello")  # loads what else is only loaded when it is asked
     weights = {id(tensor): tensor for tensor in (*policy.parameters(), *policy.buffers())}
 
@@ -40,8 +44,7 @@ def policy_maker() -> Callable[[], tuple[ExecutingPolicy, Processors]]:
     return make
 
 
-def _load() -> tuple[ExecutingPolicy, Processors]:
-    path = parser.get_path_arg("policy")
+def _load(path: Path) -> tuple[ExecutingPolicy, Processors]:
     options = parser.get_yaml_overrides("policy") + (parser.get_cli_overrides("policy") or [])
     try:
         config = PreTrainedConfig.from_pretrained(path, cli_overrides=options)
@@ -50,7 +53,7 @@ def _load() -> tuple[ExecutingPolicy, Processors]:
             f"--policy.path={path} is no folder with a policy, nor one on the Hub that can be reached; name "
             "the folder `pretrained_model` of a checkpoint"
         ) from None
-    config.pretrained_path = Path(path)
+    config.pretrained_path = path
     policy_class = get_policy_class(config.type)
     if not issubclass(policy_class, ExecutingPolicy):
         raise ValueError(
