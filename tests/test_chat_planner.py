@@ -15,17 +15,22 @@ from lerobot_owlxt5.commands.answer import MOST_ACTIONS, Action, Hold, Question,
 from lerobot_owlxt5.commands.replies import HOLDS
 from lerobot_owlxt5.conversation import Line
 from lerobot_owlxt5.conversation import questions as asked
-from lerobot_owlxt5.conversation.chat_planner import NOT_REACHED, ChatPlanner, planner_of
+from lerobot_owlxt5.conversation.chat_planner import NOT_REACHED, WHETHER_HOME, ChatPlanner, planner_of
 from lerobot_owlxt5.conversation.chat_server import MOST_BYTES, ChatServer
 from lerobot_owlxt5.conversation.rules import plan_by_rules
-from lerobot_owlxt5.conversation.steps import Ask, Do, GoHome, Open, Remark, Say, Situation, Step, Stop
+from lerobot_owlxt5.conversation.steps import Ask, Do, Open, Remark, Say, Situation, Step, Stop
 from lerobot_owlxt5.conversation.tools import TOOLS, UNUSABLE
 from stage import Scene, Turn, make_stage
 
 KEY = "aKeyThatNobodyMaySee"
 MUG = Action("push", Target("mug"))
-SURE = Understood(Request((MUG,)), 1.0, True)
-UNSURE = SURE._replace(sure=False)
+
+
+def sure_of(*verbs: str | None) -> Understood:
+    return Understood(Request(tuple(Action(verb, Target("mug")) for verb in verbs)), 1.0, True)
+
+
+SURE = sure_of("push")
 
 
 @pytest.fixture
@@ -50,7 +55,7 @@ def test_a_call_moves_a_thing_and_the_server_gets_what_it_needs(
 ) -> None:
     server.answer = completion(("move", {"verb": "pull", "object": "the mug", "colour": None}))
     before = Line("robot", "I pushed the can.")
-    step = planner("the mug should come nearer", situation(SURE, before))
+    step = planner("the mug should come nearer", situation(sure_of("pull"), before))
     assert step == Do(Request((Action("pull", Target("mug")),)))
     [(path, key, content)] = server.requests
     assert path == "/v1/chat/completions" and key == f"Bearer {KEY}"
@@ -81,7 +86,7 @@ def test_a_call_moves_a_thing_and_the_server_gets_what_it_needs(
         ([("move", {"verb": "push", "object": "ball"})], Do(Request((Action("push", Target("ball")),)))),
         ([("stop", {})], Stop()),
         ([("move", {"verb": "push", "object": "mug"}), ("stop", {})], Stop()),
-        ([("home", "")], GoHome()),
+        ([("home", "")], Say(WHETHER_HOME)),
         ([("answer", {"kind": "where", "object": "mug"})], Ask(asked.Question("where", "mug"))),
         ([("answer", {"kind": "did"})], Ask(asked.Question("did"))),
         ([("say", {"text": "Which  one?"})], Say("My planner says: Which one?")),
@@ -91,7 +96,8 @@ def test_each_tool_is_a_step(
     server: ChatStandIn, planner: ChatPlanner, calls: list[tuple[str, Any]], step: Step
 ) -> None:
     server.answer = completion(*calls)
-    assert planner("put the left balls and the mug somewhere else", situation()) == step
+    verbs = [action.verb for action in step.request.actions] if isinstance(step, Do) else ["push"]
+    assert planner("put the left balls and the mug somewhere else", situation(sure_of(*verbs))) == step
 
 
 @pytest.mark.parametrize(
@@ -203,7 +209,10 @@ def test_what_must_not_be_done_is_not_even_asked_about(
 @pytest.mark.parametrize(
     "understood",
     [
-        UNSURE,
+        sure_of("push", "pull")._replace(sure=False),
+        sure_of("push"),
+        sure_of("pull", "push"),
+        sure_of("push", None),
         Understood(Hold("beyond"), 1.0, True),
         Understood(Hold("not_an_action"), 1.0, True),
         Understood(Question("scene"), 1.0, True),

@@ -3,24 +3,26 @@
 
 It is used only where somebody has set a server's address. Rules still take the closed phrases, such as
 "stop", and answers to the robot's own questions. What the understanding says must not be done, or not now, is
-not even asked about. The model's movements begin at once only where the understanding is sure that something
-is to be moved; else the person is asked first (our decision).
+not even asked about. The model's movements begin at once only where the understanding is sure that just such
+movements are asked for, of whatever thing; else the person is asked first (our decision).
 """
 
 import logging
 from collections.abc import Mapping
 
+from ..backbones.understanding import Understood
 from ..commands.answer import Hold, Request
 from ..commands.parser import with_article
 from ..commands.replies import HOLDS, in_words, listed
 from .chat_server import ChatServer, NotReachedError, UnusableError
 from .lines import Line
 from .rules import plan_by_phrases, plan_new
-from .steps import Do, Open, Remark, Say, Situation, Step
+from .steps import Do, GoHome, Open, Remark, Say, Situation, Step
 from .tools import TOOLS, UNUSABLE, Known, read_calls
 
 URL, MODEL, KEY = "OWLXT5_PLANNER_URL", "OWLXT5_PLANNER_MODEL", "OWLXT5_PLANNER_KEY"
 """The environment variables."""
+WHETHER_HOME = "Should I move my arms back? If so, say: home."
 NOT_REACHED = "My planner does not answer, so I go by my own rules."
 _NEVER = ("forbidden", "conditional", "not_now")
 _PROMPT = """You plan for a robot with two arms at a table. Call tools; write nothing else.
@@ -61,8 +63,11 @@ class ChatPlanner:
             return Say(UNUSABLE)
         said = (line.text for line in situation.before if line.speaker == "person")
         step = read_calls(calls, Known((*said, words), situation.seen))
-        if isinstance(step, Do) and not (isinstance(answer, Request) and understood.sure):
-            return _asked_first(step.request)
+        match step:
+            case Do(request) if not _is_sure_of(_verbs(request), understood):
+                return _asked_first(request)
+            case GoHome():
+                return Say(WHETHER_HOME)
         return step
 
 
@@ -99,6 +104,16 @@ def _messages(words: str, situation: Situation) -> list[dict[str, str]]:
         {"role": "system", "content": _PROMPT.format(things=things)},
         {"role": "user", "content": "\n".join(lines)},
     ]
+
+
+def _verbs(request: Request) -> list[str | None]:
+    return [action.verb for action in request.actions]
+
+
+def _is_sure_of(verbs: list[str | None], understood: Understood) -> bool:
+    """Whether the understanding is sure that these movements are asked for, in this order."""
+    answer = understood.answer
+    return isinstance(answer, Request) and understood.sure and answer.clear and _verbs(answer) == verbs
 
 
 def _asked_first(request: Request) -> Say:
