@@ -26,11 +26,11 @@ KEY = "aKeyThatNobodyMaySee"
 MUG = Action("push", Target("mug"))
 
 
-def sure_of(*verbs: str | None) -> Understood:
-    return Understood(Request(tuple(Action(verb, Target("mug")) for verb in verbs)), 1.0, True)
+def sure_of(*verbs: str | None, thing: str = "whatever") -> Understood:
+    return Understood(Request(tuple(Action(verb, Target(thing)) for verb in verbs)), 1.0, True)
 
 
-SURE = sure_of("push")
+SURE = Understood(Request((MUG,)), 1.0, True)
 
 
 @pytest.fixture
@@ -127,8 +127,9 @@ def test_what_the_person_said_before_was_said_and_what_the_robot_said_was_not(
     server: ChatStandIn, planner: ChatPlanner
 ) -> None:
     server.answer = completion(("move", {"verb": "push", "object": "ball"}))
-    assert isinstance(planner("now push it", situation(SURE, Line("person", "where is the ball?"))), Do)
-    assert isinstance(planner("now push it", situation(SURE, Line("robot", "I see a ball."))), Say)
+    it = SURE._replace(answer=Request((Action("push", Target(reference="it")),)))
+    assert isinstance(planner("now push it", situation(it, Line("person", "where is the ball?"))), Do)
+    assert isinstance(planner("now push it", situation(it, Line("robot", "I see a ball."))), Say)
 
 
 GARBAGE = [
@@ -213,6 +214,8 @@ def test_what_must_not_be_done_is_not_even_asked_about(
         sure_of("push"),
         sure_of("pull", "push"),
         sure_of("push", None),
+        sure_of("push", "pull", thing="can"),
+        sure_of("push", "pull", thing="cube"),
         Understood(Hold("beyond"), 1.0, True),
         Understood(Hold("not_an_action"), 1.0, True),
         Understood(Question("scene"), 1.0, True),

@@ -3,15 +3,15 @@
 
 It is used only where somebody has set a server's address. Rules still take the closed phrases, such as
 "stop", and answers to the robot's own questions. What the understanding says must not be done, or not now, is
-not even asked about. The model's movements begin at once only where the understanding is sure that just such
-movements are asked for, of whatever thing; else the person is asked first (our decision).
+not even asked about. The model's movements begin at once only where the understanding is sure of the same
+verbs, and of the same things if it knows what is meant; else the person is asked first (our decision).
 """
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from ..backbones.understanding import Understood
-from ..commands.answer import Hold, Request
+from ..commands.answer import Action, Hold, Request
 from ..commands.parser import with_article
 from ..commands.replies import HOLDS, in_words, listed
 from .chat_server import ChatServer, NotReachedError, UnusableError
@@ -64,7 +64,7 @@ class ChatPlanner:
         said = (line.text for line in situation.before if line.speaker == "person")
         step = read_calls(calls, Known((*said, words), situation.seen))
         match step:
-            case Do(request) if not _is_sure_of(_verbs(request), understood):
+            case Do(request) if not _is_sure_of(request, understood, situation.seen):
                 return _asked_first(request)
             case GoHome():
                 return Say(WHETHER_HOME)
@@ -106,14 +106,22 @@ def _messages(words: str, situation: Situation) -> list[dict[str, str]]:
     ]
 
 
-def _verbs(request: Request) -> list[str | None]:
-    return [action.verb for action in request.actions]
-
-
-def _is_sure_of(verbs: list[str | None], understood: Understood) -> bool:
+def _is_sure_of(planned: Request, understood: Understood, seen: Sequence[str]) -> bool:
     """Whether the understanding is sure that these movements are asked for, in this order."""
-    answer = understood.answer
-    return isinstance(answer, Request) and understood.sure and answer.clear and _verbs(answer) == verbs
+    own = understood.answer
+    return (
+        isinstance(own, Request)
+        and understood.sure
+        and own.clear
+        and len(own.actions) == len(planned.actions)
+        and all(_agree(*pair, seen) for pair in zip(own.actions, planned.actions, strict=True))
+    )
+
+
+def _agree(own: Action, planned: Action, seen: Sequence[str]) -> bool:
+    """Whether a planned action is what was understood: what nothing seen is called may be anything seen."""
+    is_called = any(f" {own.target.phrase} " in f" {name} " for name in seen)
+    return own.verb == planned.verb and (own.target == planned.target or not is_called)
 
 
 def _asked_first(request: Request) -> Say:
