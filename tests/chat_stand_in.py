@@ -7,6 +7,9 @@ from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
+from lerobot_owlxt5.commands.answer import MOST_ACTIONS
+from lerobot_owlxt5.conversation.chat_server import MOST_BYTES
+
 
 def completion(*calls: tuple[str, Any]) -> bytes:
     """An answer with calls of tools: each name, with its arguments as an object or as a text."""
@@ -20,6 +23,30 @@ def completion(*calls: tuple[str, Any]) -> bytes:
 
 def _text(arguments: Any) -> str:
     return arguments if isinstance(arguments, str) else json.dumps(arguments)
+
+
+GARBAGE = [
+    *(b"", b"\xff\xfe", b"<html>", b"[]", b"null", b'{"choices": []}', b"[" * 50_000, b"1" * 5_000),
+    b'{"choices": [{"message": {"content": "I push the mug."}}]}',
+    b'{"choices": [{"message": {"tool_calls": "push"}}]}',
+    b'{"choices": [{"message": {"tool_calls": [{"function": null}]}}]}',
+    completion(("move", "{")),
+    completion(("move", "[]")),
+    completion(("fly", {})),
+    completion(("move", {"object": "mug"})),
+    completion(("move", {"verb": "throw", "object": "mug"})),
+    completion(("move", {"verb": "push", "object": "mug", "speed": "high"})),
+    completion(("move", {"verb": "push", "object": ["mug"]})),
+    completion(("move", {"verb": ["push"], "object": "mug"})),
+    completion(("move", {"verb": "push", "object": "mug\n" + "m" * 300})),
+    completion(("move", {"verb": "push", "object": "mug"}), ("fly", {})),
+    completion(("move", {"verb": "push", "object": "mug"}), ("home", {})),
+    completion(("say", {"text": "x" * 300})),
+    completion(("say", {"text": "\ud800"})),
+    completion(*[("move", {"verb": "push", "object": "mug"})] * (MOST_ACTIONS + 1)),
+    completion(("move", {"verb": "push", "object": "mug"})) + b" " * MOST_BYTES,  # huge
+]
+"""Answers that a robot can make nothing of."""
 
 
 class ChatStandIn(ThreadingHTTPServer):

@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
-from chat_stand_in import ChatStandIn, completion
+from chat_stand_in import GARBAGE, ChatStandIn, completion
 from lerobot_owlxt5.backbones.understanding import Understood
-from lerobot_owlxt5.commands.answer import MOST_ACTIONS, Action, Hold, Question, Request, Target
+from lerobot_owlxt5.commands.answer import Action, Hold, Question, Request, Target
 from lerobot_owlxt5.commands.replies import HOLDS
 from lerobot_owlxt5.conversation import Line
 from lerobot_owlxt5.conversation import questions as asked
 from lerobot_owlxt5.conversation.chat_planner import NOT_REACHED, WHETHER_HOME, ChatPlanner, planner_of
-from lerobot_owlxt5.conversation.chat_server import MOST_BYTES, ChatServer
+from lerobot_owlxt5.conversation.chat_server import ChatServer
 from lerobot_owlxt5.conversation.rules import plan_by_rules
 from lerobot_owlxt5.conversation.steps import Ask, Do, Open, Remark, Say, Situation, Step, Stop
 from lerobot_owlxt5.conversation.tools import TOOLS, UNUSABLE
@@ -130,29 +130,6 @@ def test_what_the_person_said_before_was_said_and_what_the_robot_said_was_not(
     it = SURE._replace(answer=Request((Action("push", Target(reference="it")),)))
     assert isinstance(planner("now push it", situation(it, Line("person", "where is the ball?"))), Do)
     assert isinstance(planner("now push it", situation(it, Line("robot", "I see a ball."))), Say)
-
-
-GARBAGE = [
-    *(b"", b"\xff\xfe", b"<html>", b"[]", b"null", b'{"choices": []}', b"[" * 50_000, b"1" * 5_000),
-    b'{"choices": [{"message": {"content": "I push the mug."}}]}',
-    b'{"choices": [{"message": {"tool_calls": "push"}}]}',
-    b'{"choices": [{"message": {"tool_calls": [{"function": null}]}}]}',
-    completion(("move", "{")),
-    completion(("move", "[]")),
-    completion(("fly", {})),
-    completion(("move", {"object": "mug"})),
-    completion(("move", {"verb": "throw", "object": "mug"})),
-    completion(("move", {"verb": "push", "object": "mug", "speed": "high"})),
-    completion(("move", {"verb": "push", "object": ["mug"]})),
-    completion(("move", {"verb": ["push"], "object": "mug"})),
-    completion(("move", {"verb": "push", "object": "mug\n" + "m" * 300})),
-    completion(("move", {"verb": "push", "object": "mug"}), ("fly", {})),
-    completion(("move", {"verb": "push", "object": "mug"}), ("home", {})),
-    completion(("say", {"text": "x" * 300})),
-    completion(("say", {"text": "\ud800"})),
-    completion(*[("move", {"verb": "push", "object": "mug"})] * (MOST_ACTIONS + 1)),
-    completion(("move", {"verb": "push", "object": "mug"})) + b" " * MOST_BYTES,  # huge
-]
 
 
 @pytest.mark.parametrize("answer", GARBAGE, ids=range(len(GARBAGE)))
