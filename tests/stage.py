@@ -21,6 +21,8 @@ from lerobot.lerobot_types import RobotAction, RobotObservation
 from lerobot_owlxt5.configuration_motion_library import MotionLibraryConfig
 from lerobot_owlxt5.conversation import Conversation
 from lerobot_owlxt5.conversation.body import Processor
+from lerobot_owlxt5.conversation.rules import plan_by_rules
+from lerobot_owlxt5.conversation.steps import Planner
 from lerobot_owlxt5.executing_policy import ExecutingPolicy
 from nico_tabletop.config_nico_sim import NicoSimConfig
 from nico_tabletop.configuration import ClantEnvConfig
@@ -118,13 +120,13 @@ class Stage:
     def __init__(self, policy: ExecutingPolicy, processors: tuple[Processor, Processor]) -> None:
         self._policy, self._processors = policy, processors
 
-    def set(self, scene: Scene) -> Watched:
+    def set(self, scene: Scene, planner: Planner = plan_by_rules) -> Watched:
         """Lay the table, and begin a conversation."""
         robot = Watched(NicoSimConfig(objects=scene.objects))
         robot.connect()
         robot.reset(scene.arrangement, scene.poses)
         self.robot, self.simulation = robot, robot.simulation
-        self.conversation = Conversation(robot, self._policy, self._processors)
+        self.conversation = Conversation(robot, self._policy, self._processors, planner)
         return robot
 
     def say(self, turn: Turn) -> tuple[list[str], str]:

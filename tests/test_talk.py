@@ -1,13 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tests of the page to talk to the robot: a visitor's world, who waits, and what a browser shows."""
+"""Tests of the page to talk to the robot: a visitor's world, who waits, and what is shown."""
 
 import asyncio
 import io
-import os
-import shutil
-import signal
-import socket
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -17,7 +12,6 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from commands import ENVIRONMENT
 from owlxt5_talk import show
 from owlxt5_talk.policies import policy_maker
 from owlxt5_talk.texts import ENGLISH, GERMAN, TEXTS, language_of
@@ -239,6 +233,40 @@ def test_a_mistake_ends_in_one_sentence(option: str, message: str, monkeypatch: 
     assert str(end.value).startswith(f"owlxt5-talk: {message}")
 
 
+@pytest.mark.parametrize("planned", [False, True])
+def test_who_gets_what_people_say_is_said(
+    planned: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cli = pytest.importorskip("owlxt5_talk.cli", reason="needs the extra `talk`", exc_type=ImportError)
+    pages: list[Any] = []
+
+    def taken(page: Any, *_: Any) -> str:
+        pages.append(page)
+        raise OSError
+
+    monkeypatch.setattr(cli, "open_page", taken)
+    monkeypatch.setattr(cli, "make_visitors", lambda *_: Visitors(lambda: None, 1))  # type: ignore[arg-type]
+    monkeypatch.setattr(sys, "argv", ["owlxt5-talk"])
+    monkeypatch.setenv("OWLXT5_PLANNER_URL", "http://127.0.0.1:1/v1" if planned else "")
+    monkeypatch.setenv("OWLXT5_PLANNER_MODEL", "small")
+    monkeypatch.setenv("OWLXT5_PLANNER_KEY", "secret")
+    with pytest.raises(SystemExit, match="choose another port"):
+        cli.main()
+    line = "The model small at 127.0.0.1:1 plans: what people say goes there too.\n"
+    assert capsys.readouterr().out == (line if planned else "")
+    heading = str(pages[0].config["components"])
+    assert (TEXTS[ENGLISH].sends_words in heading) == planned
+
+
+def test_a_wrong_planner_ends_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    cli = pytest.importorskip("owlxt5_talk.cli", reason="needs the extra `talk`", exc_type=ImportError)
+    monkeypatch.setattr(sys, "argv", ["owlxt5-talk"])
+    monkeypatch.setenv("OWLXT5_PLANNER_URL", "file:///etc/passwd")
+    monkeypatch.setenv("OWLXT5_PLANNER_MODEL", "small")
+    with pytest.raises(SystemExit, match="owlxt5-talk: the planner's address must be one such as"):
+        cli.main()
+
+
 def test_each_visitor_has_a_policy_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", ["owlxt5-talk"])
     make = policy_maker()
@@ -247,110 +275,3 @@ def test_each_visitor_has_a_policy_of_their_own(monkeypatch: pytest.MonkeyPatch)
     assert one.rest_pose is two.rest_pose  # the weights are there once
     one.responses = ["I will push the ball."]
     assert two.responses == []
-
-
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-NO_NETWORK = "MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"
-DEAD_PROXY = {
-    f"{kind}_proxy": "http://127.0.0.1:9" for kind in ("http", "https", "all", "HTTP", "HTTPS", "ALL")
-}
-WORDS, STATUS = "#words textarea, #words input", "#status"
-
-
-def shows(page: Any, selector: str, text: str) -> None:
-    page.locator(selector, has_text=text).first.wait_for()
-
-
-def free_port() -> int:
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return int(listener.getsockname()[1])
-
-
-@pytest.fixture(scope="module")
-def address() -> Iterator[str]:
-    """The real command, of which nothing gets out of this computer."""
-    pytest.importorskip("gradio", reason="needs the extra `talk`")
-    command = [sys.executable, "-m", "owlxt5_talk.cli", f"--port={free_port()}", "--visitors=1"]
-    environment = ENVIRONMENT | DEAD_PROXY | {"no_proxy": "127.0.0.1", "PYTHONUNBUFFERED": "1"}
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
-    ) as server:
-        assert server.stdout is not None
-        lines = []
-        for line in server.stdout:
-            lines.append(line)
-            if line.startswith("Open "):
-                break
-        else:
-            raise AssertionError("".join(lines)[-4000:])
-        assert line.startswith("Open http://127.0.0.1:")
-        yield line.split()[1]
-        server.send_signal(signal.SIGINT)
-        output = server.communicate(timeout=60)[0]
-        assert "Traceback" not in output, output[-4000:]
-
-
-@pytest.fixture
-def browser() -> Iterator[Any]:
-    playwright = pytest.importorskip("playwright.sync_api", reason="needs the extra `dev`")
-    if CHROMIUM is None:
-        pytest.skip("needs Chromium; on Debian or Ubuntu: apt-get install chromium")
-    options = [f"--host-resolver-rules={NO_NETWORK}", *(["--no-sandbox"] if os.geteuid() == 0 else [])]
-    with playwright.sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=CHROMIUM, args=options)
-        yield browser
-        browser.close()
-
-
-@pytest.mark.slow
-def test_somebody_talks_to_the_robot_in_a_browser(address: str, browser: Any) -> None:
-    context = browser.new_context(locale="en-US", viewport={"width": 390, "height": 844})
-    page = context.new_page()
-    page.set_default_timeout(120_000)
-    foreign, errors = [], []
-    page.on("request", lambda each: foreign.append(each.url) if each.url.startswith("http") else None)
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    page.goto(address)
-    page.wait_for_selector("#eyes img[src^=data]")
-    page.wait_for_selector("#bystander img[src^=data]")
-    page.wait_for_selector("#things button")
-    assert page.evaluate("document.body.scrollWidth <= innerWidth")
-
-    waiting = browser.new_context(locale="de-DE").new_page()
-    waiting.set_default_timeout(120_000)
-    waiting.goto(address)
-    shows(waiting, "#status", "besetzt")
-    shows(waiting, "#stop", "Halt")
-    assert waiting.query_selector("#eyes img[src^=data]") is None
-
-    # By keyboard alone: a thing is chosen, and a verb comes before it.
-    page.focus("#things button >> nth=0")
-    page.keyboard.press("Enter")
-    name = page.input_value(WORDS).removeprefix("the ")
-    assert name and page.evaluate("document.activeElement.closest('#words') !== null")
-    page.keyboard.press("Home")
-    page.keyboard.type("push ")
-    page.keyboard.press("Enter")
-    shows(page, "#chat .bot", name)
-    picture = page.get_attribute("#eyes img", "src")
-    page.wait_for_function("old => document.querySelector('#eyes img').src !== old", arg=picture)
-    page.click("#stop")
-    shows(page, "#status", "listening")
-    shows(page, "#chat", "I stop")
-
-    page.fill(WORDS, "<img src=x onerror=alert(1)> what do you see?")
-    page.keyboard.press("Enter")
-    shows(page, "#chat", "<img src=x")
-    assert page.query_selector("#chat img[src=x]") is None
-
-    page.click("text=Deutsch")
-    shows(page, "#status", "NICO hört zu")
-    page.click("text=bunte Würfel")
-    page.wait_for_function("!document.querySelector('#chat').innerText.includes('img')")  # a new scene
-
-    context.close()  # then the place is free
-    waiting.wait_for_selector("#eyes img[src^=data]")
-    waiting.context.close()
-    assert [url for url in foreign if not url.startswith(address)] == []
-    assert errors == []

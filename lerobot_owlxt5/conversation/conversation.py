@@ -19,13 +19,15 @@ from .lines import Line, add
 from .memory import Memory
 from .questions import Question
 from .rules import plan_by_rules
-from .steps import Ask, Do, GoHome, Open, Planner, Say, Situation, Step, Stop, Translate
+from .steps import Ask, Do, GoHome, Open, Planner, Remark, Say, Situation, Step, Stop, Translate
 
 ONCE_MORE = "I try once more."
 STOPPED = "I stop."
 TOLD_TO_STOP = "You told me to."
 WHAT_TO_TRANSLATE = "What should I translate?"
 NO_TRANSLATION = "I cannot translate: this policy has not learnt it."
+LINES_BEFORE = 6
+"""So many lines does a planner know, beside the words that it decides about (our decision)."""
 _OF_MEMORY = ("did", "worked", "why", "doing", "ability", "robot")
 
 
@@ -36,6 +38,7 @@ class Conversation:
         robot: Any LeRobot robot with the policy's cameras and joints; it is connected.
         policy: Any of ours. It forgets what it was doing before.
         processors: Its preprocessor and postprocessor.
+        planner: Decides what to do about what is said.
 
     Attributes:
         lines: All that was said, the oldest first; the last `lines.MOST_LINES`.
@@ -43,14 +46,18 @@ class Conversation:
     """
 
     def __init__(
-        self, robot: Robot, policy: ExecutingPolicy, processors: tuple[Processor, Processor]
+        self,
+        robot: Robot,
+        policy: ExecutingPolicy,
+        processors: tuple[Processor, Processor],
+        planner: Planner = plan_by_rules,
     ) -> None:
         policy.reset()
         self.lines: list[Line] = []
         self.looking_at: Thing | None = None
         self._policy = policy
         self._body = Body(robot, processors, torch.device(policy.config.device or "cpu"))
-        self._planner: Planner = plan_by_rules
+        self._planner = planner
         self._memory = Memory()
         self._open: Open | None = None
         self._last: Request | None = None
@@ -76,13 +83,18 @@ class Conversation:
         Args:
             words: Any text. With more than `MAX_CHARACTERS` characters it is not understood.
         """
+        before = tuple(self.lines[-LINES_BEFORE:])
         add(self.lines, "person", words[:MAX_CHARACTERS])
         seen = tuple(thing.name for thing in self.things)
-        situation = Situation(self._policy.understand, self._open, self._last, seen)
-        step = self._planner(words, situation)
-        if not isinstance(step, Ask):
-            self._open = None
-        self._take(step)
+        situation = Situation(self._policy.understand, self._open, self._last, seen, before)
+        self._take(self._planner(words, situation))
+
+    def look(self) -> None:
+        """Look at the table, without a word: `things` then has what is there.
+
+        It does nothing for a policy that sees no objects.
+        """
+        self._scene()
 
     def tick(self) -> None:
         """Go on for one control period, 0.1 s: while the robot is busy, one action is sent.
@@ -114,6 +126,8 @@ class Conversation:
 
     def _take(self, step: Step) -> None:
         """Do the next step of a plan."""
+        if not isinstance(step, Ask | Remark):
+            self._open = None
         match step:
             case Stop():
                 self.stop()
@@ -123,6 +137,9 @@ class Conversation:
                 self._answer(question)
             case Translate(sentence):
                 self._translate(sentence)
+            case Remark(text, then):
+                self._say(text)
+                self._take(then)
             case Do(request, words):
                 self._last, self._tried_again = request, False
                 self._begin(self._policy.agree(request, words))

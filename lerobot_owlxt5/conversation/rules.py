@@ -24,6 +24,11 @@ _TRANSLATE = "translate:"
 
 def plan_by_rules(words: str, situation: Situation) -> Step:
     """What to do about some words; see `Planner`."""
+    return plan_by_phrases(words, situation) or plan_new(words, situation.understand(words))
+
+
+def plan_by_phrases(words: str, situation: Situation) -> Step | None:
+    """What few closed phrases say, answer or correct; None for a sentence that has to be understood."""
     if len(words) > MAX_CHARACTERS:
         return Say(TOO_LONG)
     if not plain(words):
@@ -37,7 +42,7 @@ def plan_by_rules(words: str, situation: Situation) -> Step:
     if says(words, AGAIN):
         return Do(situation.last) if situation.last else Say(NOTHING_TO_REPEAT)
     reply = _reply_to(situation.open, words, situation) if situation.open else None
-    return reply or _correction(words, situation) or _new(words, situation.understand(words))
+    return reply or _correction(words, situation)
 
 
 def _reply_to(asked: Open, words: str, situation: Situation) -> Step | None:
@@ -101,7 +106,7 @@ def _holds_back(understood: Understood) -> bool:
     return isinstance(answer, meant.Hold) and answer.reason != "not_an_action"
 
 
-def _new(words: str, understood: Understood) -> Step:
+def plan_new(words: str, understood: Understood) -> Step:
     """What a sentence leads to that answers nothing and corrects nothing."""
     match understood.answer:
         case meant.Hold(reason):

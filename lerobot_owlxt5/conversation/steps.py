@@ -7,6 +7,7 @@ from typing import Protocol
 
 from ..backbones.understanding import Understood
 from ..commands.answer import Action, Request
+from .lines import Line
 from .questions import Question
 
 
@@ -60,7 +61,20 @@ class Translate:
     sentence: str
 
 
-Step = Say | Ask | Do | Stop | GoHome | Translate
+@dataclass(frozen=True)
+class Remark:
+    """Say something, and go on with another step.
+
+    Attributes:
+        text: What to say.
+        then: What to do.
+    """
+
+    text: str
+    then: "Step"
+
+
+Step = Say | Ask | Do | Stop | GoHome | Translate | Remark
 
 
 @dataclass(frozen=True)
@@ -93,13 +107,15 @@ class Situation:
         understand: What a sentence asks for.
         open: The robot's own question, if it waits for an answer.
         last: What was asked for last and understood; None before.
-        seen: What the things are called that were seen at the last look.
+        seen: What the things are called that were seen at the last look, from left to right.
+        before: What was said last, the oldest first, without the words to decide about.
     """
 
     understand: Callable[[str], Understood]
     open: Open | None = None
     last: Request | None = None
     seen: tuple[str, ...] = ()
+    before: tuple[Line, ...] = ()
 
 
 class Planner(Protocol):

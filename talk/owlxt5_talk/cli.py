@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`owlxt5-talk`: a page in the browser to talk to the simulated robot (docs/talk_page.md)."""
+"""`owlxt5-talk`: a page in the browser to talk to the simulated robot (docs/talk.md)."""
 
 import logging
 import os
@@ -8,7 +8,6 @@ import sys
 import threading
 from dataclasses import dataclass
 
-import torch
 from draccus.utils import ParsingError
 from lerobot.configs import parser
 from lerobot.robots import Robot
@@ -17,7 +16,8 @@ from yaml import YAMLError
 
 from lerobot_owlxt5.command_line import check_given, explain, quote_texts, write_whatever_the_locale
 from lerobot_owlxt5.conversation import Conversation
-from lerobot_owlxt5.conversation.body import Body
+from lerobot_owlxt5.conversation.chat_planner import ChatPlanner, planner_of
+from lerobot_owlxt5.conversation.rules import plan_by_rules
 from nico_tabletop.drawing import DrawingError
 
 from .page import build_page, open_page
@@ -59,12 +59,13 @@ class TalkConfig:
         return ["policy"]
 
 
-def make_visitors(most: int, table: Table) -> Visitors:
+def make_visitors(most: int, table: Table, planner: ChatPlanner | None = None) -> Visitors:
     """All who will come: each gets a world with a robot, a policy and a conversation of their own.
 
     Args:
         most: So many at once.
         table: What they find.
+        planner: Decides what the robots do; rules if None.
 
     Raises:
         ValueError, OSError: If the policy cannot be had.
@@ -75,11 +76,8 @@ def make_visitors(most: int, table: Table) -> Visitors:
         policy, processors = make_policy()
 
         def converse(robot: Robot) -> TalkingRobot:
-            conversation = Conversation(robot, policy, processors)
-            if policy.visual.names_objects:  # a first look: things are there to be named
-                body = Body(robot, processors, torch.device(policy.config.device or "cpu"))
-                body.look()
-                policy.scenes(body.batch(""))
+            conversation = Conversation(robot, policy, processors, planner or plan_by_rules)
+            conversation.look()  # then things are there to be named
             return conversation
 
         return World(converse, chosen, secrets.randbelow(2**31))
@@ -91,7 +89,12 @@ def make_visitors(most: int, table: Table) -> Visitors:
 def _talk(config: TalkConfig) -> None:
     config.check()
     table = Table(config.objects, config.placement)
-    page = build_page(make_visitors(config.visitors, table), table)
+    planner = planner_of(os.environ)
+    if planner:
+        server = planner.server
+        print(f"The model {server.model} at {server.host} plans: what people say goes there too.", flush=True)
+    visitors = make_visitors(config.visitors, table, planner)
+    page = build_page(visitors, table, sends_words=planner is not None)
     try:
         address = open_page(page, config.host, config.port)
     except OSError:

@@ -38,17 +38,18 @@ lang="de">Das tut Ihr Browser; manche schicken, was sie hören, an ihren Herstel
 _QUIETLY: dict[str, Any] = {"show_progress": "hidden", "api_visibility": "private"}
 
 
-def build_page(visitors: Visitors, table: Table) -> gr.Blocks:
+def build_page(visitors: Visitors, table: Table, sends_words: bool = False) -> gr.Blocks:
     """The page for all visitors.
 
     Args:
         visitors: Who has a world.
         table: What a visitor finds on the table.
+        sends_words: Whether a planner sends what they say to a server: then the page says so.
     """
     english = TEXTS[ENGLISH]
     with gr.Blocks(title="NICO", analytics_enabled=False, fill_width=True) as page:
         with gr.Row(elem_id="top"):
-            intro = gr.Markdown(_heading(english))
+            intro = gr.Markdown(_heading(english, sends_words))
             language = gr.Radio(
                 [("English", ENGLISH), ("Deutsch", GERMAN)],
                 value=ENGLISH,
@@ -114,11 +115,11 @@ def build_page(visitors: Visitors, table: Table) -> gr.Blocks:
             texts = TEXTS.get(chosen, english)
             if visitor := visitors.find(request.session_hash):
                 visitor.language = chosen if chosen in TEXTS else ENGLISH
-            return _worded(texts)
+            return _worded(texts, sends_words)
 
         def first_language(request: gr.Request) -> list[Any]:
             chosen = language_of(request.headers.get("accept-language", ""))
-            return [chosen, *_worded(TEXTS[chosen])]
+            return [chosen, *_worded(TEXTS[chosen], sends_words)]
 
         async def watch(request: gr.Request) -> AsyncIterator[list[Any]]:
             async for shown in _watch(visitors, request):
@@ -233,10 +234,10 @@ def _shown(view: View, texts: Texts) -> list[Any]:
 _ROLES = {"person": "user"}
 
 
-def _worded(texts: Texts) -> list[Any]:
+def _worded(texts: Texts, sends_words: bool) -> list[Any]:
     """The words of all that has some, in the order of `worded`."""
     return [
-        _heading(texts),
+        _heading(texts, sends_words),
         gr.update(label=texts.chat),
         gr.update(label=texts.words, placeholder=texts.placeholder),
         texts.say,
@@ -248,8 +249,8 @@ def _worded(texts: Texts) -> list[Any]:
     ]
 
 
-def _heading(texts: Texts) -> str:
-    return f"# NICO\n{texts.intro}"
+def _heading(texts: Texts, sends_words: bool) -> str:
+    return f"# NICO\n{texts.intro} {texts.sends_words if sends_words else ''}".strip()
 
 
 def _choices(named: dict[str, str]) -> list[tuple[str, str]]:

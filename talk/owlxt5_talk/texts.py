@@ -11,6 +11,7 @@ class Texts:
     """The page's words in one language; see `TEXTS`."""
 
     intro: str
+    sends_words: str
     chat: str
     words: str
     placeholder: str
@@ -35,6 +36,7 @@ TEXTS = {
     ENGLISH: Texts(
         intro="NICO is simulated. It pushes, pulls and slides what stands on the table, if it sees it and "
         "understands you. Click a thing in the picture to name it.",
+        sends_words="What you say also goes to a language model on another server.",
         chat="Conversation",
         words="Your words",
         placeholder="Push the mug, please.",
@@ -57,6 +59,7 @@ TEXTS = {
     GERMAN: Texts(
         intro="NICO ist simuliert. Er schiebt, zieht und verschiebt, was auf dem Tisch steht, wenn er es "
         "sieht und Sie versteht. Klicken Sie ein Ding im Bild an, um es zu nennen.",
+        sends_words="Was Sie sagen, geht auch an ein Sprachmodell auf einem anderen Server.",
         chat="Gespräch",
         words="Ihre Worte",
         placeholder="Schieb bitte den Becher.",
