@@ -90,8 +90,8 @@ def read_question(kind: str, sentence: str) -> Question:
     text = re.sub(r"^(?:(?:can|could|would) you )?(?:please )?tell me (?:please )?", "", text)
     if kind == "ability":
         return Question("ability")
+    memory = (Question(name) for name, pattern in _MEMORY if re.search(pattern, text))
     if kind == "robot":
-        memory = (Question(name) for name, pattern in _MEMORY if re.search(pattern, text))
         return next(memory, Question("robot"))
     for name, pattern in _SCENE:
         if found := re.fullmatch(pattern, text):
@@ -102,7 +102,8 @@ def read_question(kind: str, sentence: str) -> Question:
             thing = singular(_bare(groups["name"])) if name == "count" else _bare(groups["name"])
             if thing and thing not in _NO_THING:
                 return Question(name, "" if singular(thing) in ALL else thing, detail)
-    return Question("scene")
+    # "Did it work?" may be taken for a question about the table.
+    return next(memory, Question("scene"))
 
 
 def _bare(phrase: str) -> str:
