@@ -12,7 +12,7 @@ from lerobot.datasets import LeRobotDataset
 
 from lerobot_owlxt5.backbones.detections import Detections
 from lerobot_owlxt5.backbones.ground_truth import GroundTruthDetector
-from lerobot_owlxt5.backbones.zero_shot import ZeroShotDetector, to_image_coordinates
+from lerobot_owlxt5.backbones.zero_shot import DARK, ZeroShotDetector, to_image_coordinates
 from lerobot_owlxt5.data.episode_store import EpisodeStore
 from lerobot_owlxt5.data.windows import observation_at
 from policy_helpers import EYES, make_grounding_dino, make_owlv2, make_owlvit, make_policy, observe
@@ -105,7 +105,7 @@ def test_a_model_of_another_kind_is_no_detector(t5: Path) -> None:
 
 def test_owlv2_can_look_at_one_place_alone(owlv2: ZeroShotDetector, monkeypatch: pytest.MonkeyPatch) -> None:
     look_at_bright_patches(owlv2, monkeypatch)
-    images = torch.zeros(1, 3, 64, 64)
+    images = torch.full((1, 3, 64, 64), DARK)  # a darker one would be brightened
     images[:, :, 8:12, 8:12] = 1.0
     images[:, :, 40:44, 40:44] = 0.7
     dimmer, dark = ((40 + 2) / 64, (40 + 2) / 64), ((24 + 2) / 64, (40 + 2) / 64)

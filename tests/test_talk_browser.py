@@ -32,6 +32,11 @@ def free_port() -> int:
         return int(listener.getsockname()[1])
 
 
+def _hear_interrupts() -> None:
+    """A shell lets what it runs in the background ignore them, and all that this starts."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
     """The real command, of which nothing gets out of this computer."""
@@ -40,7 +45,12 @@ def address() -> Iterator[str]:
     ours = {"no_proxy": "127.0.0.1", "PYTHONUNBUFFERED": "1", "OWLXT5_PLANNER_URL": ""}
     environment = ENVIRONMENT | DEAD_PROXY | ours
     with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=environment,
+        preexec_fn=_hear_interrupts,
     ) as server:
         assert server.stdout is not None
         lines = []
