@@ -27,11 +27,7 @@ from rollout import Rollout, Times, Told
 from tqdm import tqdm
 from understanding import rate
 
-from lerobot_owlxt5.command_line import (
-    check_given,
-    check_numbers,
-    run_with_policy,
-)
+from lerobot_owlxt5.command_line import check_given, check_numbers, run_with_policy
 from lerobot_owlxt5.evaluation.cli import load_policy
 from lerobot_owlxt5.executing_policy import ExecutingPolicy
 from nico_tabletop.objects import read_objects

@@ -3,7 +3,8 @@
 #
 # First the policy that is part of the package, where there is one, on a few everyday objects. Then the whole
 # way at a small scale: make a dataset, train owlxt5 on it with lerobot-train, evaluate it with lerobot-eval on
-# cubes, which it was trained on, and on everyday objects, which it never saw. `make demo` runs this. With OWLXT5_CLANT_DIR set, it learns the original release's trajectories; a scripted expert's otherwise.
+# cubes, which it was trained on, and on everyday objects, which it never saw. `make demo` runs this. With
+# OWLXT5_CLANT_DIR set, it learns the original release's trajectories; a scripted expert's otherwise.
 #
 # Usage: configs/demo.sh [ARRANGEMENTS [STEPS [EPISODES]]]: arrangements of cubes to learn from (of 120), steps
 # of training, episodes of each of the twelve actions in each evaluation.

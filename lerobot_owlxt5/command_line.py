@@ -58,7 +58,9 @@ def command(name: str, *errors: type[Exception]) -> Callable[[Callable[[Any], No
     return decorate
 
 
-def run_with_policy(name: str, config_class: type, function: Callable[[], None]) -> None:
+def run_with_policy(
+    name: str, config_class: type, function: Callable[[], None], *errors: type[Exception]
+) -> None:
     """Run a function that LeRobot's `parser.wrap()` decorates, which knows --policy.path.
 
     As with `command`, texts stay as they were typed, and an error that the user can mend ends in one line.
@@ -67,12 +69,14 @@ def run_with_policy(name: str, config_class: type, function: Callable[[], None])
         name: What its messages begin with.
         config_class: Of its options.
         function: Reads them from `sys.argv`.
+        *errors: What else ends in one line, and exit status 1.
     """
+    usual: tuple[type[Exception], ...] = (OSError, ValueError, ParsingError, yaml.YAMLError)
     write_whatever_the_locale()
     sys.argv[1:] = quote_texts(config_class, sys.argv[1:])
     try:
         function()
-    except (OSError, ValueError, ParsingError, yaml.YAMLError) as error:
+    except (*usual, *errors) as error:
         sys.exit(f"{name}: {explain(error)}")
 
 

@@ -13,10 +13,9 @@ from .commands.answer import Landmark, Target
 from .commands.colours import COLOURS, basic_colour, split_colour
 from .commands.parser import object_name, with_article
 from .commands.referring import Place, are_apart, distance, matching, side_of
-from .commands.replies import listed
+from .commands.replies import RELATIONS_IN_WORDS, SIDES_IN_WORDS, listed
 from .commands.vocabulary import THINGS
 
-_SIDES = {"left": "on the left", "right": "on the right", "middle": "in the middle"}
 _GENERIC = {"", "thing", "object", "item", "one"}
 
 
@@ -256,12 +255,12 @@ def _row(count: int) -> list[str]:
 def _contradiction(target: Target, called: Sequence[Thing]) -> str:
     """Say what was said of a thing and is not so."""
     name = called[0].name
-    if target.side in _SIDES and len(called) == 1:
-        where = _SIDES[side_of(called[0].place)]
-        return f"I see one {name}, and it is {where}, not {_SIDES[target.side]}: say it again without a side."
+    if target.side in SIDES_IN_WORDS and len(called) == 1:
+        where, said = SIDES_IN_WORDS[side_of(called[0].place)], SIDES_IN_WORDS[target.side]
+        return f"I see one {name}, and it is {where}, not {said}: say it again without a side."
     if target.relation:
         marks = [f"the {object_name(mark.phrase)}" for mark in target.relation.landmarks]
-        kind = {"before": "in front of"}.get(target.relation.kind, target.relation.kind)
+        kind = RELATIONS_IN_WORDS[target.relation.kind]
         return f"I see {with_article(name)}, but none {kind} {listed(marks, 'and')}."
     if target.order:
         return f"I see only {len(called)} of these, so none is the {' from the '.join(target.order)}."

@@ -24,8 +24,9 @@ class Clearance:
 
     def __init__(self, margin: float) -> None:
         """Build the scene; `margin` is in metres."""
-        names = [item.name for item in read_objects("clant")[: len(SLOTS)]]
-        self.model = build_model(read_objects("clant")[: len(SLOTS)])
+        items = read_objects("clant")[: len(SLOTS)]
+        names = [item.name for item in items]
+        self.model = build_model(items)
         self.model.geom_margin[:] = margin
         self.cubes = [self.model.body(name).id for name in names]
         self._margin = margin

@@ -3,7 +3,7 @@
 
 from collections.abc import Sequence
 
-from .answer import Action, Target
+from .answer import RELATIONS, Action, Target
 from .parser import object_name
 from .prompts import MAX_CHARACTERS
 from .verbs import VERBS
@@ -35,6 +35,10 @@ REPLIES = {
     "robot": "I look at the table, say what I see, and move one thing when you ask me to.",
 }
 """Answers to questions that need no look."""
+
+SIDES_IN_WORDS = {"left": "on the left", "right": "on the right", "middle": "in the middle"}
+"""Where a thing is alone, as `referring.side_of` says it."""
+RELATIONS_IN_WORDS = {kind: kind for kind in RELATIONS} | {"before": "in front of"}
 
 
 def ask_back(action: Action) -> str:

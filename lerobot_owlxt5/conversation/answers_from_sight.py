@@ -6,12 +6,11 @@ from typing import NamedTuple
 from ..commands.answer import Landmark, Relation, Target
 from ..commands.parser import object_name, with_article
 from ..commands.referring import APART, matching, side_of
-from ..commands.replies import listed
+from ..commands.replies import RELATIONS_IN_WORDS, SIDES_IN_WORDS, listed
 from ..scene import Scene, Thing
 from .fragments import SIDE_WORDS, colour_said
 from .questions import Question, singular
 
-SIDES = {"left": "on the left", "right": "on the right", "middle": "in the middle"}
 NEAR = 0.3
 """Things whose places differ by less are beside each other, as a share of the image (our decision)."""
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
@@ -60,7 +59,7 @@ def answer(question: Question, scene: Scene) -> Answer:
 def where(thing: Thing, scene: Scene) -> str:
     """Where a thing is: its side, what is beside it, and whether it is the nearest or the farthest."""
     others = [other for other in scene.things if other.apart_from(thing)]
-    said = [SIDES[side_of(thing.place)]]
+    said = [SIDES_IN_WORDS[side_of(thing.place)]]
     beside = min(others, key=thing.distance, default=None)
     if beside and thing.distance(beside) < NEAR:
         said.append(f"next to the {beside.name}")
@@ -105,7 +104,7 @@ def _only(things: list[Thing]) -> Thing | None:
 
 def _places(things: list[Thing]) -> str:
     """Where things are, from left to right."""
-    return listed([SIDES[side_of(thing.place)] for thing in things], "and")
+    return listed([SIDES_IN_WORDS[side_of(thing.place)] for thing in things], "and")
 
 
 def _with_names(things: list[Thing]) -> str:
@@ -115,7 +114,7 @@ def _with_names(things: list[Thing]) -> str:
 def _on_side(side: str, scene: Scene) -> Answer:
     there = [thing for thing in scene.things if side_of(thing.place) == side]
     what = _with_names(there) if there else "nothing that I know"
-    return Answer(f"{SIDES[side].capitalize()} I see {what}.", _only(there))
+    return Answer(f"{SIDES_IN_WORDS[side].capitalize()} I see {what}.", _only(there))
 
 
 def _count(name: str, scene: Scene) -> Answer:
@@ -135,7 +134,7 @@ def _beside(relation: str, found: list[Thing], english: str, scene: Scene) -> An
     target = Target(relation=Relation(relation, (Landmark(english),)))
     left = matching(target, [thing.place for thing in things], [found[0].place], None)
     there = [things[index] for index in left]
-    words = {"before": "in front of"}.get(relation, relation)
+    words = RELATIONS_IN_WORDS[relation]
     place = f"{'to the ' if relation in ('left of', 'right of') else ''}{words} the {english}"
     what = _with_names(there) if there else "nothing that I know"
     return Answer(f"{place[:1].upper()}{place[1:]} I see {what}.", _only(there))
@@ -147,7 +146,7 @@ def _colour(found: list[Thing], english: str, scene: Scene) -> Answer:
         said = f"is {colours[0]}" if colours[0] else "has a colour that I cannot tell"
         return Answer(f"The {english} {said}.", found[0])
     each = [
-        f"the one {SIDES[side_of(thing.place)]} is {colour or 'of a colour that I cannot tell'}"
+        f"the one {SIDES_IN_WORDS[side_of(thing.place)]} is {colour or 'of a colour that I cannot tell'}"
         for thing, colour in zip(found, colours, strict=True)
     ]
     return Answer(f"I see {_number(len(found))} {plural(english)}: {listed(each, 'and')}.")

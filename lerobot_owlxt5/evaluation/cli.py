@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from lerobot.configs import PreTrainedConfig, parser
+from lerobot.configs import parser
 from lerobot.configs.default import DatasetConfig
 from lerobot.datasets import LeRobotDataset, LeRobotDatasetMetadata
-from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot.utils.constants import ACTION, OBS_PREFIX
 from rich.console import Console
 
+from ..checkpoint import load_checkpoint, read_config
 from ..command_line import check_given, check_numbers, run_with_policy
 from ..configuration_crossmodal import CrossmodalConfig
 from ..configuration_owlxt5 import GROUND_TRUTH
@@ -72,17 +72,13 @@ def load_policy() -> tuple[CrossmodalPolicy, Processor, Processor]:
     path = parser.get_path_arg("policy")
     if path is None:
         raise ValueError("name a checkpoint with --policy.path=<folder or Hub id>")
-    options = parser.get_yaml_overrides("policy") + (parser.get_cli_overrides("policy") or [])
-    policy_config = PreTrainedConfig.from_pretrained(path, cli_overrides=options)
+    policy_config = read_config(path)
     if not isinstance(policy_config, CrossmodalConfig):
         raise ValueError(
             f"--policy.path={path} holds the policy '{policy_config.type}', which has not the modes that are "
             "evaluated here; owlxt5 and crosst5 have"
         )
-    policy_config.pretrained_path = Path(path)
-    policy = get_policy_class(policy_config.type).from_pretrained(path, config=policy_config)
-    overrides = {"device_processor": {"device": str(policy_config.device)}}
-    return policy, *make_pre_post_processors(policy_config, path, preprocessor_overrides=overrides)
+    return load_checkpoint(policy_config)
 
 
 def open_dataset(config: EvaluateConfig, policy: CrossmodalConfig) -> LeRobotDataset:

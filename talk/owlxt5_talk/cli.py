@@ -4,17 +4,14 @@
 import logging
 import os
 import secrets
-import sys
 import threading
 from dataclasses import dataclass
 
-from draccus.utils import ParsingError
 from lerobot.configs import parser
 from lerobot.robots import Robot
 from transformers.utils.logging import disable_progress_bar
-from yaml import YAMLError
 
-from lerobot_owlxt5.command_line import check_given, explain, quote_texts, write_whatever_the_locale
+from lerobot_owlxt5.command_line import check_given, run_with_policy
 from lerobot_owlxt5.conversation import Conversation
 from lerobot_owlxt5.conversation.chat_planner import ChatPlanner, planner_of
 from lerobot_owlxt5.conversation.rules import plan_by_rules
@@ -108,16 +105,11 @@ def _talk(config: TalkConfig) -> None:
 
 def main() -> None:
     """Entry point; an error that the user can mend ends in one message and exit status 1."""
-    write_whatever_the_locale()
     os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa's software renderer needs no threads of its own
     disable_progress_bar()
     logging.getLogger("httpx").setLevel(logging.WARNING)
-    # LeRobot's parser, which knows --policy.path, reads them from here.
-    sys.argv[1:] = quote_texts(TalkConfig, sys.argv[1:])
     try:
-        _talk()
-    except (OSError, ValueError, ParsingError, YAMLError, DrawingError) as error:
-        sys.exit(f"owlxt5-talk: {explain(error)}")
+        run_with_policy("owlxt5-talk", TalkConfig, _talk, DrawingError)
     except KeyboardInterrupt:
         print()
 

@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from huggingface_hub.errors import HFValidationError
-from lerobot.configs import FeatureType, PreTrainedConfig, parser
+from lerobot.configs import FeatureType, parser
 from lerobot.envs.utils import env_to_policy_features
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
 import lerobot_policy_owlxt5  # noqa: F401  registers the policies and what their names must pass
 from lerobot_owlxt5 import MotionLibraryConfig, MotionLibraryPolicy
+from lerobot_owlxt5.checkpoint import load_checkpoint, read_config
 from lerobot_owlxt5.executing_policy import ExecutingPolicy
 from lerobot_owlxt5.trained import find_policy, is_there
 from nico_tabletop.configuration import ClaeoEnvConfig
@@ -45,24 +46,20 @@ def policy_maker() -> Callable[[], tuple[ExecutingPolicy, Processors]]:
 
 
 def _load(path: Path) -> tuple[ExecutingPolicy, Processors]:
-    options = parser.get_yaml_overrides("policy") + (parser.get_cli_overrides("policy") or [])
     try:
-        config = PreTrainedConfig.from_pretrained(path, cli_overrides=options)
+        config = read_config(path)
     except (HFValidationError, OSError):
         raise ValueError(
             f"--policy.path={path} is no folder with a policy, nor one on the Hub that can be reached; name "
             "the folder `pretrained_model` of a checkpoint"
         ) from None
-    config.pretrained_path = path
-    policy_class = get_policy_class(config.type)
-    if not issubclass(policy_class, ExecutingPolicy):
+    if not issubclass(get_policy_class(config.type), ExecutingPolicy):
         raise ValueError(
             f"--policy.path={path} holds the policy '{config.type}', which does not do what it is told; "
             "owlxt5, crosst5 and motion_library do"
         )
-    overrides = {"device_processor": {"device": str(config.device)}}
-    processors = make_pre_post_processors(config, path, preprocessor_overrides=overrides)
-    return policy_class.from_pretrained(path, config=config), processors
+    policy, *processors = load_checkpoint(config)
+    return policy, (processors[0], processors[1])
 
 
 def _motion_library() -> tuple[ExecutingPolicy, Processors]:
