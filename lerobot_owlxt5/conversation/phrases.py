@@ -33,9 +33,14 @@ YES |= {
 }
 NO = {"no", "nope", "nein", "no thanks", "no thank you", "nein danke", "never mind", "do not", "don't"}
 NO |= {"neither", "none", "lass es", "egal", "nothing", "nichts", "not that"}
+OTHER_WAY = {"the other way", "the other direction", "other way", "other direction", "the other way round"}
+OTHER_WAY |= {"the other way around", "in the other direction", "the opposite direction"}
+OTHER_WAY |= {"andersrum", "andersherum", "anders herum", "anders rum", "die andere richtung"}
+OTHER_WAY |= {"in die andere richtung"}
 
 # "No, the mug" and "no the mug" correct, "no mug" does not.
-_NO = r"(?:(?:no|nope|nein|sorry|ach|oh|wait|warte)(?:\s*[,.!;:]\s*|\s+(?=(?:the|die|der|das|den|i|ich)\b)))"
+_AFTER_NO = "the|die|der|das|den|i|ich|to|nach|wait|warte"
+_NO = rf"(?:(?:no|nope|nein|sorry|ach|oh|wait|warte)(?:\s*[,.!;:]\s*|\s+(?=(?:{_AFTER_NO})\b)))"
 _MEANT = r"(?:(?:i|ich)\s+(?:meant?|meine?|meinte)\b[\s,:]*)"
 _CORRECTION = re.compile(rf"(?:{_NO}+{_MEANT}?|{_MEANT})(?P<rest>.+)", re.IGNORECASE | re.DOTALL)
 
