@@ -15,9 +15,22 @@ from ..commands.prompts import MAX_CHARACTERS
 from ..commands.replies import HOLDS, NOTHING_ASKED, TOO_LONG, ask_back, ask_whether
 from ..commands.verbs import opposite
 from .fragments import how, which
-from .phrases import AGAIN, HOME, NO, OTHER_WAY, STOP, YES, corrected, says
+from .phrases import AGAIN, DONE, HOME, IMITATE, NO, OTHER_WAY, STOP, WATCH, YES, corrected, says
 from .questions import read_question
-from .steps import Ask, Do, GoHome, Open, Say, Situation, Step, Stop, Translate
+from .steps import (
+    Ask,
+    Describe,
+    Do,
+    GoHome,
+    Imitate,
+    Open,
+    Say,
+    Situation,
+    Step,
+    Stop,
+    Translate,
+    Watch,
+)
 
 NOTHING_TO_REPEAT = "I hold still, because there is nothing yet that I could do again."
 _TRANSLATE = "translate:"
@@ -41,6 +54,12 @@ def plan_by_phrases(words: str, situation: Situation) -> Step | None:
         return Stop()
     if says(words, HOME):
         return GoHome()
+    if says(words, WATCH):
+        return Watch()
+    if situation.watching and says(words, DONE):
+        return Describe()
+    if says(words, IMITATE):
+        return Imitate()
     if says(words, AGAIN):
         return Do(situation.last) if situation.last else Say(NOTHING_TO_REPEAT)
     reply = _reply_to(situation.open, words, situation) if situation.open else None
