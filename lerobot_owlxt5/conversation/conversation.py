@@ -93,6 +93,11 @@ class Conversation:
         return self._task is not None or bool(self._copy)
 
     @property
+    def watching(self) -> bool:
+        """Whether the robot watches how somebody moves its arms."""
+        return self._showing.goes_on
+
+    @property
     def things(self) -> list[Thing]:
         """What was seen at the last look, from left to right; empty before the first."""
         scenes = self._policy.sight.last
@@ -108,7 +113,7 @@ class Conversation:
         add(self.lines, "person", words[:MAX_CHARACTERS])
         seen = tuple(thing.name for thing in self.things)
         understand = self._policy.understand
-        situation = Situation(understand, self._open, self._last, seen, before, self._showing.goes_on)
+        situation = Situation(understand, self._open, self._last, seen, before, self.watching)
         self._take(self._planner(words, situation))
 
     def look(self) -> None:
@@ -126,7 +131,7 @@ class Conversation:
             FloatingPointError: If a plan is not finite.
         """
         if self._task is None:
-            if self._showing.goes_on:
+            if self.watching:
                 if told := self._showing.watch():
                     self._say(told)
             elif self._copy:
