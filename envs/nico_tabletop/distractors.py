@@ -18,7 +18,7 @@ BEHIND = 0.2
 """Least distance in x from the farthest of the three objects to a distractor, middle to middle, metres."""
 FARTHEST_DISTRACTOR = 0.66
 """Here the table ends, and the eyes just see a cube as a whole (x, metres)."""
-HALF_WIDTH = 0.3
+HALF_WIDTH = 0.25
 """How far the strip reaches to each side (y, metres): the eyes see it as a whole in images of 4:3."""
 APART = 0.09
 """Least distance of two distractors in y, metres: a cube's corner, or a mug's handle, touches no other."""
