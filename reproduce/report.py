@@ -5,6 +5,7 @@ import datetime as dt
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -12,7 +13,7 @@ from rich.console import Console
 from lerobot_owlxt5.command_line import command
 from nico_tabletop.scoring import Failure, Outcome
 
-from .paper import LINES
+from .paper import LINES, Line
 from .plan import OUTPUTS, PLAN, ROOT, Plan, Step, read_plan
 from .results import (
     Column,
@@ -29,8 +30,8 @@ HUB, FULL = "hub", "full"
 """Sizes of the plan: the one that runs the Hub's models, and the largest of the embedded ones."""
 RESULTS = Path("docs/results.md")
 NO_MATPLOTLIB = (
-    "There are no pictures, because matplotlib is missing: run pip install '.[reproduce]' and write the report "
-    "again with python -m reproduce.report."
+    "There are no pictures, because matplotlib is missing: run pip install '.[reproduce]' and write the "
+    "report again with python -m reproduce.report."
 )
 _TITLES = {"crosst5": "CrossT5", "owlxt5": "OWLxT5"}
 _SUCCESS = (Outcome.PERFECT, Outcome.SUCCESSFUL)
@@ -170,22 +171,21 @@ def _table_one(book: Book) -> list[str]:
             row.append("not published" if published is None else f"{published:.2f} % ({line.where})")
             for column in (Column.HUB, Column.EMBEDDED):
                 wanted = Wanted("modes", policy, line.objects, book.largest(column, policy, "modes"))
-
-                def text(found: list[Measurement], mode: tuple[str, str, str]) -> str:
-                    return str(read_figure(found, *mode) or "not trained in this mode")
-
-                mode = (line.mode, line.variant, line.figure)
-                row.append(book.show(wanted, [column], lambda found, mode=mode: text(found, mode)))
+                row.append(book.show(wanted, [column], partial(_figure_text, line)))
         rows.append(row)
     return [
         "## Table 1, and the errors of section 4",
         table(headings, rows),
-        "BLEU-2 is better if it is higher, NRMSE if it is lower. In brackets stands the 95 % bootstrap interval "
-        "over the episodes of one seed, or the lowest and the highest of several seeds. "
+        "BLEU-2 is better if it is higher, NRMSE if it is lower. In brackets stands the 95 % bootstrap "
+        "interval over the episodes of one seed, or the lowest and the highest of several seeds. "
         "[evaluation.md](evaluation.md#the-figures) has the definitions. Our NRMSE is over true steps; the "
         "authors of CrossT5 count zeros after an episode's end as correct steps.",
         *_made_with(book, "modes", [*_TITLES]),
     ]
+
+
+def _figure_text(line: Line, found: list[Measurement]) -> str:
+    return str(read_figure(found, line.mode, line.variant, line.figure) or "not trained in this mode")
 
 
 def _policies(plan: Plan, measures: str) -> list[str]:
@@ -244,10 +244,10 @@ def _efficiency(book: Book, drawn: dict[str, str] | None) -> list[str]:
         "## Data efficiency",
         *_picture(drawn, "efficiency", "Success against the number of demonstrations"),
         table(["objects", "policy", *(f"{number} demonstrations" for number in numbers)], rows),
-        "Success is perfect or successful. All demonstrations are of cubes. A policy takes the same number of "
-        "steps, however many demonstrations it has. Episodes of several seeds are pooled. `motion_library` "
-        "learns from none, and is the dashed line. LeRobot's ACT reads no command, so it cannot know which of "
-        "the twelve actions is asked for.",
+        "Success is perfect or successful. All demonstrations are of cubes. A policy takes the same number "
+        "of steps, however many demonstrations it has. Episodes of several seeds are pooled. "
+        "`motion_library` learns from none, and is the dashed line. LeRobot's ACT reads no command, so it "
+        "cannot know which of the twelve actions is asked for.",
         *_made_with(book, "outcomes", _policies(book.full, "outcomes")),
     ]
 
