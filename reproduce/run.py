@@ -50,7 +50,7 @@ def time_left(plan: Plan, done: dict[str, float], running: Step | None = None, s
     """Seconds until the last step is whole.
 
     A step counts as the plan expects it, times what the steps of its template have taken in place of what was
-    expected of them. If none of them is whole, all whole steps are asked, and five minutes that went as planned
+    expected of them. If none of them is whole, all whole steps are asked, and five minutes as planned
     are added to them (our decision).
 
     Args:
