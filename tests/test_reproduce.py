@@ -65,6 +65,7 @@ def options_of(step: Step) -> dict[str, str]:
     return dict(word[2:].split("=", 1) for word in words if word.startswith("--"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", read_sizes())
 def test_the_commands_have_these_options(size: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
