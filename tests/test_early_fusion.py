@@ -1,0 +1,280 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tests of the rival early_fusion: its tokens, its closed loop, and that it learns."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from lerobot.datasets import LeRobotDataset
+from lerobot.datasets.factory import resolve_delta_timestamps
+from lerobot.policies.factory import make_policy as lerobot_make_policy
+from lerobot.policies.factory import make_pre_post_processors
+from torch.utils.data import default_collate
+
+from commands import run
+from lerobot_owlxt5 import EarlyFusionConfig, EarlyFusionPolicy
+from lerobot_owlxt5.commands.prompts import execute_prompt
+from lerobot_owlxt5.data.episode_ends import EpisodeEnds
+from lerobot_owlxt5.data.episode_frames import EpisodeFrames
+from lerobot_owlxt5.model.joint_bins import N_BINS, to_bins, to_joints
+from policy_helpers import EYES, observe
+
+CHUNK, JOINTS = 3, 10
+TINY = {
+    "device": "cpu",
+    "push_to_hub": False,
+    "image_size": (20, 40),
+    "chunk_size": CHUNK,
+    "dim_model": 32,
+    "n_heads": 2,
+    "dim_feedforward": 64,
+    "n_encoder_layers": 1,
+    "n_decoder_layers": 1,
+    "max_text_tokens": 8,
+}
+TASKS = ["push red", "could you push the greenish-blue cube, please?"]
+
+
+def make(dataset: LeRobotDataset, **options: Any) -> tuple[EarlyFusionPolicy, Any, Any]:
+    """Policy and processors as lerobot-train makes them, tiny and with reproducible weights."""
+    torch.manual_seed(0)
+    policy = lerobot_make_policy(EarlyFusionConfig(**{**TINY, **options}), ds_meta=dataset.meta)
+    assert isinstance(policy, EarlyFusionPolicy)
+    return policy, *make_pre_post_processors(policy.config, dataset_stats=dataset.meta.stats)
+
+
+def load(dataset: LeRobotDataset, policy: EarlyFusionPolicy, indices: list[int]) -> dict[str, Any]:
+    """Frames as lerobot-train hands them to the preprocessor."""
+    windows = resolve_delta_timestamps(policy.config, dataset.meta)
+    chosen = LeRobotDataset(dataset.repo_id, root=dataset.root, delta_timestamps=windows)
+    items = [chosen[index] for index in indices]
+    return default_collate([{k: v for k, v in item.items() if k != "language_persistent"} for item in items])
+
+
+def record_tokens(policy: EarlyFusionPolicy, monkeypatch: pytest.MonkeyPatch) -> list[torch.Tensor]:
+    """What T5 generates from now on, without the token that every sequence begins with."""
+    made: list[torch.Tensor] = []
+    generate = policy.model.t5.generate
+
+    def record(**options: Any) -> torch.Tensor:
+        tokens = generate(**options)
+        made.append(tokens[:, 1:])
+        return tokens
+
+    monkeypatch.setattr(policy.model.t5, "generate", record)
+    return made
+
+
+# Tokens -----------------------------------------------------------------------------------------------------
+
+
+@given(st.lists(st.floats(-1, 1, width=32), min_size=1))
+def test_a_joint_comes_back_within_half_a_bin(positions: list[float]) -> None:
+    joints = torch.tensor(positions)
+    bins = to_bins(joints)
+    assert bins.min() >= 0 and bins.max() < N_BINS
+    assert (to_joints(bins) - joints).abs().max() <= 1 / N_BINS + 1e-6
+    assert torch.equal(to_bins(to_joints(bins)), bins)
+
+
+def test_what_is_beyond_the_range_is_in_the_outermost_bin() -> None:
+    assert to_bins(torch.tensor([-7.0, -1.0, 1.0, 7.0])).tolist() == [0, 0, N_BINS - 1, N_BINS - 1]
+
+
+def test_execute_emits_bins_alone_and_the_other_modes_words_alone(
+    dataset: LeRobotDataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    policy, *_ = make(dataset)
+    tokens = record_tokens(policy, monkeypatch)
+    policy.predict_action_chunk(observe(TASKS))
+    policy.describe({EYES: torch.rand(2, 4, 3, 24, 48)})
+    policy.translate(["The mug is here."])
+    joints, *words = tokens
+    assert joints.shape == (2, CHUNK * JOINTS)
+    assert (joints >= policy.model.n_words).all()
+    for each in words:
+        assert (each < policy.model.n_words).all()
+
+
+# Closed loop ------------------------------------------------------------------------------------------------
+
+
+def test_a_chunk_is_carried_out_before_the_next_look(
+    dataset: LeRobotDataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    policy, *_ = make(dataset)
+    looks = record_tokens(policy, monkeypatch)
+    chunk = policy.predict_action_chunk(observe(TASKS))
+    assert chunk.shape == (2, CHUNK, JOINTS) and chunk.abs().max() < 1
+    looks.clear()
+    actions = [policy.select_action(observe(TASKS)) for _ in range(CHUNK + 1)]
+    assert torch.equal(torch.stack(actions[:CHUNK], dim=1), chunk)
+    assert len(looks) == 2
+    policy.reset()
+    policy.select_action(observe(TASKS))
+    assert len(looks) == 3
+
+
+def test_image_joints_and_words_count(dataset: LeRobotDataset) -> None:
+    policy, *_ = make(dataset)
+    policy.eval()
+    batch = observe(["push red"])
+    prompts = [execute_prompt(task) for task in batch["task"]]
+    image, state = batch[EYES][:, None], batch["observation.state"]
+    labels = policy.model.action_labels(torch.zeros(1, CHUNK, JOINTS))
+
+    def loss(words: list[str], image: torch.Tensor, state: torch.Tensor) -> float:
+        return policy.model(*policy.model.embed(words, image, state), labels).item()
+
+    usual = loss(prompts, image, state)
+    upside_down = image.flip(-2)  # the same pixels elsewhere
+    others = [
+        loss(["execute: push blue"], image, state),
+        loss(prompts, upside_down, state),
+        loss(prompts, image, -state),
+    ]
+    assert loss(prompts, image, state) == usual
+    assert all(abs(other - usual) > 1e-5 for other in others)
+
+
+def test_a_sample_does_not_depend_on_its_company(dataset: LeRobotDataset) -> None:
+    policy, *_ = make(dataset)
+    together = policy.predict_action_chunk(observe(TASKS))
+    alone = {key: value[:1] for key, value in observe(TASKS).items()}
+    assert torch.equal(policy.predict_action_chunk(alone), together[:1])
+
+
+def test_another_robot_is_refused(dataset: LeRobotDataset) -> None:
+    policy, *_ = make(dataset)
+    batch = observe(["push red"])
+    batch["observation.state"] = batch["observation.state"][:, :7]
+    with pytest.raises(ValueError, match="7 numbers, and the policy was trained on 10 joints"):
+        policy.select_action(batch)
+
+
+# Learning ---------------------------------------------------------------------------------------------------
+
+
+def test_after_an_episodes_end_the_last_action_is_held(dataset: LeRobotDataset) -> None:
+    policy, *_ = make(dataset)
+    last = dataset.meta.episodes["dataset_to_index"][0] - 1
+    batch = load(dataset, policy, [last])
+    assert batch["action_is_pad"].tolist() == [[False] + [True] * (CHUNK - 1)]
+    assert (batch["action"] == batch["action"][:, :1]).all()
+
+
+def test_describe_learns_from_the_first_and_the_last_frame(dataset: LeRobotDataset) -> None:
+    ends = EpisodeEnds(EpisodeFrames(dataset.meta), EYES, (24, 48)).read([2, 0, 2])
+    for pair, episode in zip(ends, [2, 0, 2], strict=True):
+        row = dataset.meta.episodes[episode]
+        for frame, index in zip(pair, (row["dataset_from_index"], row["dataset_to_index"] - 1), strict=True):
+            assert torch.allclose(frame / 255, dataset[index][EYES], atol=1 / 255)
+
+
+def test_evaluation_is_deterministic_and_training_follows_its_seed(dataset: LeRobotDataset) -> None:
+    policy, preprocess, _ = make(dataset)
+    batch = preprocess(load(dataset, policy, [*range(dataset.num_frames)]))
+    policy.eval()
+    loss, terms = policy.forward(batch)
+    assert policy.forward(batch)[1] == terms
+    assert set(terms) == {"execute_loss", "describe_loss", "translate_loss"}
+    each, _ = policy.forward(batch, reduction="none")
+    assert each.shape == (dataset.num_frames,) and each.mean().item() == pytest.approx(loss.item())
+    policy.train()
+    first, second = policy.forward(batch)[1], policy.forward(batch)[1]
+    assert first != second
+    policy.training_seed -= 2
+    torch.manual_seed(123)
+    assert policy.forward(batch)[1] == first
+
+
+def test_a_saved_checkpoint_moves_the_same(dataset: LeRobotDataset, tmp_path: Path) -> None:
+    policy, *_ = make(dataset)
+    policy.save_pretrained(tmp_path)
+    torch.manual_seed(1)
+    again = EarlyFusionPolicy.from_pretrained(tmp_path)
+    assert again.config.tokenizer_revision
+    expected = policy.predict_action_chunk(observe(TASKS))
+    assert torch.equal(again.predict_action_chunk(observe(TASKS)), expected)
+    with pytest.raises(ValueError, match="dataset_meta"):
+        again.train().forward(observe(TASKS) | {"action": expected})
+
+
+@pytest.mark.slow
+def test_it_learns_a_few_samples_by_heart(dataset: LeRobotDataset) -> None:
+    shares = {"execute": 0.6, "describe": 0.4}
+    policy, preprocess, postprocess = make(dataset, dropout=0.0, mode_probabilities=shares)
+    # One word for each task, so that there is one right answer.
+    policy._texts = {}
+    raw = load(dataset, policy, [0, 8, 20])
+    batch = preprocess(raw)
+    optimizer = torch.optim.AdamW(policy.get_optim_params(), lr=5e-3)
+    policy.train()
+    for _ in range(150):
+        loss, terms = policy.forward(batch)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    assert terms["execute_loss"] < 0.1
+    chunk = policy.predict_action_chunk(batch)
+    off = (chunk - batch["action"].clamp(-1, 1)).abs()
+    assert (off <= 1 / N_BINS + 1e-5).float().mean() > 0.95
+    assert postprocess(chunk).shape == raw["action"].shape
+    ends = EpisodeEnds(EpisodeFrames(dataset.meta), EYES, (24, 48)).read([0, 1, 2]) / 255
+    assert policy.describe({EYES: ends}) == raw["task"]
+
+
+@pytest.mark.slow
+def test_lerobot_trains_and_evaluates_it(dataset: LeRobotDataset, tmp_path: Path) -> None:
+    run(
+        "lerobot-train",
+        *("--policy.type=early_fusion", "--policy.device=cpu", "--policy.push_to_hub=false"),
+        *("--policy.dim_model=32", "--policy.n_heads=2", "--policy.n_encoder_layers=1"),
+        *("--policy.n_decoder_layers=1", "--dataset.repo_id=test/synthetic", "--batch_size=4"),
+        *(f"--dataset.root={dataset.root}", "--num_workers=0", "--steps=2"),
+        f"--output_dir={tmp_path / 'train'}",
+    )
+    checkpoint = tmp_path / "train" / "checkpoints" / "last" / "pretrained_model"
+    run(
+        "lerobot-eval",
+        *(f"--policy.path={checkpoint}", "--policy.device=cpu", "--env.type=claeo", "--env.task=PUSH-L"),
+        *("--env.observation_height=48", "--env.observation_width=64", "--env.episode_length=11"),
+        *("--eval.n_episodes=1", "--eval.batch_size=1", f"--output_dir={tmp_path / 'eval'}"),
+    )
+    info = json.loads((tmp_path / "eval" / "eval_info.json").read_text())
+    assert info["per_group"]["claeo"]["n_episodes"] == 1
+
+
+# Options ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"mode_probabilities": {"repeat_action": 1.0}}, "repeat_action"),
+        ({"mode_probabilities": {"translate": 1.0}}, "execute or describe"),
+        ({"mode_probabilities": {"execute": -1.0, "describe": 1.0}}, "negative"),
+        ({"patch_size": 7}, "--policy.patch_size=7"),
+        ({"chunk_size": 0}, "--policy.chunk_size"),
+        ({"n_heads": 3}, "--policy.n_heads=3"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        EarlyFusionConfig(device="cpu", **options)
+
+
+def test_a_renamed_camera_leaves_describe_out(dataset: LeRobotDataset) -> None:
+    config = EarlyFusionConfig(**TINY)
+    policy, *_ = make(dataset)
+    features = dict(policy.config.input_features)
+    config.input_features = {"observation.images.front": features.pop(EYES), **features}
+    config.output_features = policy.config.output_features
+    with pytest.raises(ValueError, match=r"not with --rename_map"):
+        EarlyFusionPolicy(config, dataset_meta=dataset.meta)
+    config.mode_probabilities = {"execute": 1.0}
+    EarlyFusionPolicy(config, dataset_meta=dataset.meta)
