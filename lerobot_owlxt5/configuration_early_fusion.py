@@ -53,8 +53,8 @@ class EarlyFusionConfig(PreTrainedConfig):
 
     # Architecture.
     camera: str | None = None
-    image_size: tuple[int, int] = (120, 160)
-    patch_size: int = 10
+    image_size: tuple[int, int] = (112, 160)
+    patch_size: int = 16
     chunk_size: int = 5
     dim_model: int = 256
     n_heads: int = 4

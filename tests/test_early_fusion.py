@@ -27,7 +27,7 @@ CHUNK, JOINTS = 3, 10
 TINY = {
     "device": "cpu",
     "push_to_hub": False,
-    "image_size": (20, 40),
+    "image_size": (16, 32),
     "chunk_size": CHUNK,
     "dim_model": 32,
     "n_heads": 2,
@@ -205,27 +205,27 @@ def test_a_saved_checkpoint_moves_the_same(dataset: LeRobotDataset, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_it_learns_a_few_samples_by_heart(dataset: LeRobotDataset) -> None:
-    shares = {"execute": 0.6, "describe": 0.4}
-    policy, preprocess, postprocess = make(dataset, dropout=0.0, mode_probabilities=shares)
-    # One word for each task, so that there is one right answer.
-    policy._texts = {}
+@pytest.mark.parametrize("mode", ["execute", "describe"])
+def test_it_learns_a_few_samples_by_heart(
+    dataset: LeRobotDataset, monkeypatch: pytest.MonkeyPatch, mode: str
+) -> None:
+    policy, preprocess, postprocess = make(dataset, dropout=0.0, mode_probabilities={mode: 1.0})
+    monkeypatch.setattr(policy, "_texts", {})  # one wording for each task
     raw = load(dataset, policy, [0, 8, 20])
     batch = preprocess(raw)
-    optimizer = torch.optim.AdamW(policy.get_optim_params(), lr=5e-3)
-    policy.train()
-    for _ in range(150):
-        loss, terms = policy.forward(batch)
+    optimizer = torch.optim.AdamW(policy.get_optim_params(), lr=1e-2)
+    for _ in range(120):
+        loss, _ = policy.train().forward(batch)
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
-    assert terms["execute_loss"] < 0.1
-    chunk = policy.predict_action_chunk(batch)
-    off = (chunk - batch["action"].clamp(-1, 1)).abs()
-    assert (off <= 1 / N_BINS + 1e-5).float().mean() > 0.95
-    assert postprocess(chunk).shape == raw["action"].shape
-    ends = EpisodeEnds(EpisodeFrames(dataset.meta), EYES, (24, 48)).read([0, 1, 2]) / 255
-    assert policy.describe({EYES: ends}) == raw["task"]
+    if mode == "execute":
+        off = (policy.predict_action_chunk(batch) - batch["action"].clamp(-1, 1)).abs()
+        assert (off <= 1 / N_BINS + 1e-5).float().mean() > 0.95
+        assert torch.allclose(postprocess(policy.predict_action_chunk(batch)), raw["action"], atol=1.0)
+    else:
+        ends = EpisodeEnds(EpisodeFrames(dataset.meta), EYES, (24, 48)).read([0, 1, 2]) / 255
+        assert policy.describe({EYES: ends}) == raw["task"]
 
 
 @pytest.mark.slow
@@ -258,7 +258,7 @@ def test_lerobot_trains_and_evaluates_it(dataset: LeRobotDataset, tmp_path: Path
         ({"mode_probabilities": {"repeat_action": 1.0}}, "repeat_action"),
         ({"mode_probabilities": {"translate": 1.0}}, "execute or describe"),
         ({"mode_probabilities": {"execute": -1.0, "describe": 1.0}}, "negative"),
-        ({"patch_size": 7}, "--policy.patch_size=7"),
+        ({"patch_size": 9}, "--policy.patch_size=9"),
         ({"chunk_size": 0}, "--policy.chunk_size"),
         ({"n_heads": 3}, "--policy.n_heads=3"),
     ],
