@@ -69,7 +69,7 @@ class EarlyFusionConfig(PreTrainedConfig):
     )
     max_text_tokens: int = 128
     tokenizer_revision: str | None = None
-    optimizer_lr: float = 5e-4
+    optimizer_lr: float = 1e-3
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -150,12 +150,12 @@ class EarlyFusionPolicy(PreTrainedPolicy):
         if mode == EXECUTE:
             images, state = batch[self.config.camera_key][rows], batch[OBS_STATE][rows]
             embedded = self.model.embed(prompts, images[:, None], state)
-            return self.model(*embedded, self.model.action_labels(batch[ACTION][rows]))
+            return self.model.action_loss(*embedded, batch[ACTION][rows])
         ends = None
         if mode == DESCRIBE:
             ends = self._ends.read(batch["episode_index"].flatten()[rows].tolist()).to(batch[ACTION].device)
-        labels = self.model.text_labels([samples.targets[row] for row in rows])
-        return self.model(*self.model.embed(prompts, ends), labels)
+        texts = [samples.targets[row] for row in rows]
+        return self.model.text_loss(*self.model.embed(prompts, ends), texts)
 
     @cached_property
     def _texts(self) -> dict[int, EpisodeTexts]:
@@ -209,7 +209,7 @@ class EarlyFusionPolicy(PreTrainedPolicy):
         prompts = [execute_prompt(task) for task in read_tasks(batch)]
         images = batch[self.config.camera_key][:, None]
         embedded = self.model.embed(prompts, images, batch[OBS_STATE])
-        return self.model.generate_actions(*embedded, self.config.chunk_size)
+        return self.model.generate_actions(*embedded)
 
     @torch.no_grad()
     def describe(self, batch: dict[str, Any]) -> list[str]:

@@ -15,11 +15,6 @@ from .joint_bins import N_BINS, to_bins, to_joints
 IGNORED = -100
 MOST_IMAGES = 2
 """Describe sees an episode's first frame and its last."""
-EXACT_DISTANCE = 64
-"""Up to so many tokens the decoder tells distances exactly, and so which joint is next.
-
-T5 itself tells them up to 16 tokens exactly.
-"""
 
 
 class EarlyFusionModel(nn.Module):
@@ -27,7 +22,8 @@ class EarlyFusionModel(nn.Module):
 
     The encoder reads image patches with learnt places, then the joints as bin tokens, then the prompt. RT-2
     has no joints (our decision). The prompt comes last, so that padding is at the end and a sample does not
-    depend on its company.
+    depend on its company. T5 knows distances alone, so the decoder is told which joint and step is next (our
+    decision), by the embedding that the same joint has in the encoder.
 
     Args:
         config: Sizes; which embedded language model the tokenizer is of, is noted there.
@@ -53,9 +49,6 @@ class EarlyFusionModel(nn.Module):
                 num_decoder_layers=config.n_decoder_layers,
                 num_heads=config.n_heads,
                 dropout_rate=config.dropout,
-                # T5 tells half of its buckets exactly, in the encoder a quarter.
-                relative_attention_num_buckets=2 * EXACT_DISTANCE,
-                relative_attention_max_distance=4 * EXACT_DISTANCE,
                 pad_token_id=self.tokenizer.pad_token_id,
                 eos_token_id=self.tokenizer.eos_token_id,
                 decoder_start_token_id=self.tokenizer.pad_token_id,
@@ -68,6 +61,7 @@ class EarlyFusionModel(nn.Module):
         self.column = nn.Embedding(columns, width)
         self.image = nn.Embedding(MOST_IMAGES, width)
         self.joint = nn.Embedding(n_joints, width)
+        self.step = nn.Embedding(config.chunk_size, width)
 
     def embed(
         self, prompts: Sequence[str], images: Tensor | None = None, joints: Tensor | None = None
@@ -91,51 +85,54 @@ class EarlyFusionModel(nn.Module):
         mask = nn.functional.pad(words["attention_mask"], (others, 0), value=1)
         return torch.cat([*parts, self._embed_tokens(words["input_ids"])], dim=1), mask
 
-    def forward(self, embeds: Tensor, mask: Tensor, labels: Tensor) -> Tensor:
-        """Cross entropy of the right tokens, averaged over each sample's own.
+    def action_loss(self, embeds: Tensor, mask: Tensor, actions: Tensor) -> Tensor:
+        """Cross entropy of the tokens of chunks, averaged over each.
 
         Args:
             embeds: What `embed` returns, (batch, tokens, dim_model).
             mask: (batch, tokens).
-            labels: Tokens that should come out, (batch, labels), `IGNORED` on padding.
+            actions: (batch, chunk_size, joints), scaled to [-1, 1].
 
         Returns:
             (batch,) in nats per token.
         """
-        logits = self.t5(inputs_embeds=embeds, attention_mask=mask, labels=labels).logits
-        losses = cross_entropy(logits.float().transpose(1, 2), labels, reduction="none", ignore_index=IGNORED)
-        return losses.sum(dim=1) / (labels != IGNORED).sum(dim=1)
+        labels = self.n_words + to_bins(actions).flatten(1)
+        before = self.t5.prepare_decoder_input_ids_from_labels(labels)
+        return self._loss(embeds, mask, self._embed_tokens(before) + self._next_joints(), labels)
 
-    def action_labels(self, actions: Tensor) -> Tensor:
-        """Tokens of chunks, one action after the other.
-
-        Args:
-            actions: (batch, steps, joints), scaled to [-1, 1].
+    def text_loss(self, embeds: Tensor, mask: Tensor, texts: Sequence[str]) -> Tensor:
+        """Cross entropy of the tokens of texts and of their ends, averaged over each.
 
         Returns:
-            (batch, steps * joints), int64.
+            (batch,) in nats per token.
         """
-        return self.n_words + to_bins(actions).flatten(1)
+        words = self.tokenizer([*texts], padding=True, return_tensors="pt").to(embeds.device)
+        labels = words["input_ids"].masked_fill(words["attention_mask"] == 0, IGNORED)
+        before = self.t5.prepare_decoder_input_ids_from_labels(labels)
+        return self._loss(embeds, mask, self._embed_tokens(before), labels)
 
-    def text_labels(self, texts: Sequence[str]) -> Tensor:
-        """Tokens of texts with the end of each, (batch, tokens), `IGNORED` on padding."""
-        words = self.tokenizer([*texts], padding=True, return_tensors="pt").to(self.row.weight.device)
-        return words["input_ids"].masked_fill(words["attention_mask"] == 0, IGNORED)
-
-    def generate_actions(self, embeds: Tensor, mask: Tensor, steps: int) -> Tensor:
+    def generate_actions(self, embeds: Tensor, mask: Tensor) -> Tensor:
         """Decode a chunk greedily; words cannot come out.
 
         Returns:
-            (batch, steps, joints), scaled to [-1, 1].
+            (batch, chunk_size, joints), scaled to [-1, 1].
         """
-        tokens = self.t5.generate(
-            inputs_embeds=embeds,
-            attention_mask=mask,
-            max_new_tokens=steps * self.joint.num_embeddings,
-            do_sample=False,
-            suppress_tokens=[*range(self.n_words)],
-        )[:, 1:]
-        return to_joints(tokens - self.n_words).unflatten(1, (steps, -1))
+        encoded = self.t5.get_encoder()(inputs_embeds=embeds, attention_mask=mask)
+        tokens = [torch.full((len(embeds), 1), self.t5.config.decoder_start_token_id, device=embeds.device)]
+        cache = None
+        for next_joint in self._next_joints():
+            # `generate` takes tokens alone, and no embeddings of the decoder's.
+            output = self.t5(
+                encoder_outputs=encoded,
+                attention_mask=mask,
+                decoder_inputs_embeds=self._embed_tokens(tokens[-1]) + next_joint,
+                past_key_values=cache,
+                use_cache=True,
+            )
+            cache = output.past_key_values
+            tokens.append(self.n_words + output.logits[:, :, self.n_words :].argmax(dim=-1))
+        bins = torch.cat(tokens[1:], dim=1) - self.n_words
+        return to_joints(bins).unflatten(1, (self.step.num_embeddings, -1))
 
     def generate_text(self, embeds: Tensor, mask: Tensor, max_new_tokens: int) -> list[str]:
         """Decode texts greedily; joints cannot come out."""
@@ -158,6 +155,15 @@ class EarlyFusionModel(nn.Module):
         patches = patches + self.row.weight[:, None] + self.column.weight
         patches = patches.unflatten(0, (batch, count)) + self.image.weight[:count, None, None]
         return patches.flatten(1, 3)
+
+    def _loss(self, embeds: Tensor, mask: Tensor, before: Tensor, labels: Tensor) -> Tensor:
+        logits = self.t5(inputs_embeds=embeds, attention_mask=mask, decoder_inputs_embeds=before).logits
+        losses = cross_entropy(logits.float().transpose(1, 2), labels, reduction="none", ignore_index=IGNORED)
+        return losses.sum(dim=1) / (labels != IGNORED).sum(dim=1)
+
+    def _next_joints(self) -> Tensor:
+        """What tells the decoder which token of a chunk is next, (chunk_size * joints, dim_model)."""
+        return (self.step.weight[:, None] + self.joint.weight).flatten(0, 1)
 
     def _embed_tokens(self, tokens: Tensor) -> Tensor:
         return self.t5.get_input_embeddings()(tokens)
