@@ -128,7 +128,9 @@ def sample_rngs(seed: int, index: Tensor) -> list[np.random.Generator]:
 
 
 @contextmanager
-def step_randomness(training_seed: Tensor, index: Tensor) -> Iterator[list[np.random.Generator]]:
+def step_randomness(
+    training_seed: Tensor, index: Tensor, *, enabled: bool
+) -> Iterator[list[np.random.Generator] | None]:
     """Random numbers of one training step, which depend on the seed and its frames alone.
 
     Within it PyTorch's generator, which draws dropout, has a seed of its own; after it, nobody notices. The
@@ -137,10 +139,14 @@ def step_randomness(training_seed: Tensor, index: Tensor) -> Iterator[list[np.ra
     Args:
         training_seed: (), int64, part of a checkpoint; counts the steps.
         index: Of the frames in the dataset, on the device that computes.
+        enabled: If not, as in an evaluation, nothing of this happens.
 
     Yields:
-        Each sample's own random numbers.
+        Each sample's own random numbers, or None.
     """
+    if not enabled:
+        yield None
+        return
     training_seed += 1
     with torch.random.fork_rng([index.device] if index.device.type == "cuda" else []):
         [rng] = sample_rngs(int(training_seed), index.flatten()[:1])

@@ -2,7 +2,6 @@
 """What the policies OWLxT5 and CrossT5 have in common: all but what they see."""
 
 from collections.abc import Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -138,8 +137,7 @@ class CrossmodalPolicy(ExecutingPolicy):
             # A T5 that is neither small nor trained along knows names from its own training.
             pseudo_names=self.config.train_language_model or self.config.language_model == EMBEDDED,
         )
-        randomness = step_randomness(self.training_seed, batch["index"]) if self.training else nullcontext()
-        with randomness as rngs:
+        with step_randomness(self.training_seed, batch["index"], enabled=self.training) as rngs:
             if self.training:
                 self.rest_pose = self.episodes.initial_pose.to(self.rest_pose)
                 self.rest_tolerance = self.episodes.initial_tolerance.to(self.rest_tolerance)

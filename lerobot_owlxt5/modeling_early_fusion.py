@@ -6,7 +6,6 @@ After RT-2 (Brohan et al., 2023), small and from random weights (docs/rivals.md)
 
 from collections import deque
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
@@ -129,8 +128,7 @@ class EarlyFusionPolicy(PreTrainedPolicy):
             self.config.mode_probabilities, self._texts, names_objects=False, pseudo_names=False
         )
         read_tasks(batch)
-        randomness = step_randomness(self.training_seed, batch["index"]) if self.training else nullcontext()
-        with randomness as rngs:
+        with step_randomness(self.training_seed, batch["index"], enabled=self.training) as rngs:
             samples = sampler.sample(batch, rngs)
             loss = batch[ACTION].new_zeros(len(samples.mode))
             terms = dict[str, float]()

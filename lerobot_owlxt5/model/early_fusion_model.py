@@ -2,6 +2,7 @@
 """One encoder-decoder for image patches, joints and words: its output is words or joints."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -39,7 +40,7 @@ class EarlyFusionModel(nn.Module):
         self.n_words: int = len(self.tokenizer)
         self._size = config.image_size
         width = config.dim_model
-        self.t5 = T5ForConditionalGeneration(
+        self.t5: Any = T5ForConditionalGeneration(
             T5Config(
                 vocab_size=self.n_words + N_BINS,
                 d_model=width,
