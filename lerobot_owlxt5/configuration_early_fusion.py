@@ -17,7 +17,7 @@ from .joint_features import check_joint_features
 class EarlyFusionConfig(PreTrainedConfig):
     """Configuration of early_fusion: one T5 from image patches and words to words or joint tokens.
 
-    The sizes are our decision: a chunk is to take half a second on a CPU at most.
+    The sizes are our decision: one CPU core is to decode a chunk in about the time that it moves the robot.
 
     Args:
         camera: Image feature to look at. None: `observation.images.eyes`, or the only camera.
