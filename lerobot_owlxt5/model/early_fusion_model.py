@@ -40,21 +40,20 @@ class EarlyFusionModel(nn.Module):
         self.n_words: int = len(self.tokenizer)
         self._size = config.image_size
         width = config.dim_model
-        self.t5: Any = T5ForConditionalGeneration(
-            T5Config(
-                vocab_size=self.n_words + N_BINS,
-                d_model=width,
-                d_kv=width // config.n_heads,
-                d_ff=config.dim_feedforward,
-                num_layers=config.n_encoder_layers,
-                num_decoder_layers=config.n_decoder_layers,
-                num_heads=config.n_heads,
-                dropout_rate=config.dropout,
-                pad_token_id=self.tokenizer.pad_token_id,
-                eos_token_id=self.tokenizer.eos_token_id,
-                decoder_start_token_id=self.tokenizer.pad_token_id,
-            )
-        )
+        sizes: dict[str, Any] = {
+            "vocab_size": self.n_words + N_BINS,
+            "d_model": width,
+            "d_kv": width // config.n_heads,
+            "d_ff": config.dim_feedforward,
+            "num_layers": config.n_encoder_layers,
+            "num_decoder_layers": config.n_decoder_layers,
+            "num_heads": config.n_heads,
+            "dropout_rate": config.dropout,
+            "pad_token_id": self.tokenizer.pad_token_id,
+            "eos_token_id": self.tokenizer.eos_token_id,
+            "decoder_start_token_id": self.tokenizer.pad_token_id,
+        }
+        self.t5: Any = T5ForConditionalGeneration(T5Config(**sizes))
         self.patches = nn.Conv2d(3, width, config.patch_size, stride=config.patch_size)
         self.patch_norm = nn.LayerNorm(width)
         rows, columns = (side // config.patch_size for side in config.image_size)
