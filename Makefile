@@ -10,13 +10,19 @@ endif
 # every start of LeRobot would take seconds more.
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup demo test test-fast lint clean
+SIZE ?= quick
+
+.PHONY: setup demo reproduce test test-fast lint clean
 
 setup:
 	@.ci/setup
 
 demo: setup
 	@PATH="$(CURDIR)/.venv/bin:$$PATH" bash configs/demo.sh
+
+# SIZE is one of reproduce/plan.yaml: quick (an hour on two cores), full or hub. It goes on where it stopped.
+reproduce: setup
+	@.venv/bin/python -m reproduce --size=$(SIZE)
 
 # Two test files at a time, on one thread each: more of them would need more memory.
 tests = OMP_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 --dist=loadfile

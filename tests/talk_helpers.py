@@ -16,11 +16,12 @@ STEPS = 5
 
 @dataclass
 class EchoConversation:
-    """See `lerobot_owlxt5.conversation.Conversation`. "break" breaks it."""
+    """See `lerobot_owlxt5.conversation.Conversation`. "break" breaks it, "watch me" lets it watch."""
 
     robot: Robot
     lines: list[Line] = field(default_factory=list)
     left: int = 0
+    watching: bool = False
 
     @property
     def busy(self) -> bool:
@@ -41,7 +42,8 @@ class EchoConversation:
         if words == "break":
             raise RuntimeError("a secret of /home/somebody")
         self.lines += [Line("person", words), Line("robot", f"I heard: {words}")]
-        self.left = STEPS
+        self.watching = words == "watch me"
+        self.left = 0 if words in ("watch me", "done") else STEPS
 
     def tick(self) -> None:
         if self.left:

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lerobot.datasets import LeRobotDataset
 
-from lerobot_owlxt5.backbones.detections import Detections
+from lerobot_owlxt5.backbones.detections import Candidates, Detections
 from lerobot_owlxt5.backbones.ground_truth import GroundTruthDetector
-from lerobot_owlxt5.backbones.zero_shot import DARK, ZeroShotDetector, to_image_coordinates
+from lerobot_owlxt5.backbones.zero_shot import DARK, ZeroShotDetector, only_inside, to_image_coordinates
 from lerobot_owlxt5.data.episode_store import EpisodeStore
 from lerobot_owlxt5.data.windows import observation_at
 from policy_helpers import EYES, make_grounding_dino, make_owlv2, make_owlvit, make_policy, observe
@@ -64,6 +64,12 @@ def test_the_real_processor_and_the_box_maths_agree_on_images_of_any_shape(
     expected = torch.tensor([(left + 4) / width, (top + 4) / height])
     assert torch.allclose(found.centre, expected.expand(1, 2, 2), atol=0.07)
     assert (found.score > 0.1).all()
+
+
+def test_a_box_half_outside_the_image_is_no_thing() -> None:
+    boxes = torch.tensor([[[0.82, 0.42, 0.99, 0.63], [0.91, 0.42, 1.09, 0.63], [-0.02, 0.4, 0.2, 0.6]]])
+    scores = torch.full((1, 3, 1), 0.9)
+    assert only_inside(Candidates(boxes, scores)).score.flatten().tolist() == pytest.approx([0.9, 0.0, 0.9])
 
 
 class BrightestPixel(torch.nn.Module):

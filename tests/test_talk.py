@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -40,7 +41,9 @@ class PlainWorld:
 
     def lay(self, table: Table) -> None:
         self.table, self.conversation = table, EchoConversation(robot=None)  # type: ignore[arg-type]
-        self.conversation.tick = lambda: None  # type: ignore[method-assign]
+
+    def tick(self) -> None:
+        pass
 
     def view(self) -> View:
         lines = tuple((line.speaker, line.text) for line in self.conversation.lines)
@@ -88,6 +91,24 @@ def test_a_visitor_talks_to_a_robot_in_a_world_of_their_own() -> None:
     assert visitor.view.lines == () and "cube" not in {thing.name for thing in before.things}
     visitor.leave()
     visitor.join()
+
+
+def test_somebody_shows_a_movement() -> None:
+    world = World(EchoConversation, Table(), seed=2)
+    assert world._robot is not None
+    before = world._robot.simulation.object_positions()
+    world.show()
+    heard: list[str] = []
+    for _ in range(100):
+        world.tick()
+        heard = [line.text for line in world.conversation.lines if line.speaker == "person"]
+        if heard[-1:] == ["done"]:
+            break
+    after = world._robot.simulation.object_positions()
+    world.close()
+    assert heard == ["watch me", "done"]
+    moved = np.abs(after - before).max(axis=1) > 0.03
+    assert moved.sum() == 1
 
 
 def test_stop_comes_before_all_that_waits(visitor: Visitor, worlds: list[PlainWorld]) -> None:

@@ -199,6 +199,10 @@ def main(config: BackbonesConfig) -> None:
     if config.part not in RECIPES:
         sys.exit(f"owlxt5-backbones: --part is one of {', '.join(RECIPES)}, not {config.part!r}")
     check_numbers(config, "steps", "batch_size", "images", "learning_rate", "layers")
+    if config.layers is not None and config.start_from is None:
+        sys.exit(
+            "owlxt5-backbones: --layers deepens a model that goes on learning: name it with --start_from"
+        )
     # Reads the card of the model to start from: better missing now than after hours.
     command = config.command
     if config.part == "detector":

@@ -12,6 +12,7 @@ from lerobot.envs.configs import EnvConfig
 from lerobot.envs.utils import _LazyAsyncVectorEnv
 from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
 
+from .distractors import check_distractors
 from .drawing import check_image_size
 from .env import TabletopEnv, check_episode_length
 from .objects import read_objects
@@ -19,8 +20,9 @@ from .placement import find_placement
 from .record import EPISODES
 from .robot import EYES, JOINT_NAMES
 from .simulation import CONTROL_HZ
-from .tasks import ACTIONS, EPISODE_STEPS, find_action
+from .tasks import ACTIONS, EPISODE_STEPS, SLOTS, find_action
 from .variation import Variation
+from .words import CANONICAL, check_words
 
 
 @dataclass
@@ -36,6 +38,8 @@ class TabletopEnvConfig(EnvConfig):
         observation_width: Columns of the eyes' image.
         objects: Objects on the table: the name of a shipped set (`clant`, `claeo`, `household`) or the path
             of a YAML file (docs/objects.md).
+        words: What is said, one of `words.WORDS`, such as `polite` or `absent`.
+        distractors: So many further objects of the set stand on the table, out of the way.
         variation: How much each reset may differ from the paper's setting, such as `variation.arms_deg=5`.
         episode_length: Steps of an episode.
         output_dir: Folder for `episodes.jsonl`, which says what became of each episode; give it the value of
@@ -48,6 +52,8 @@ class TabletopEnvConfig(EnvConfig):
     observation_height: int = 240
     observation_width: int = 320
     objects: str = "clant"
+    words: str = CANONICAL
+    distractors: int = 0
     variation: Variation = field(default_factory=Variation)
     episode_length: int = EPISODE_STEPS
     output_dir: str | None = None
@@ -77,6 +83,8 @@ class TabletopEnvConfig(EnvConfig):
             "height": self.observation_height,
             "width": self.observation_width,
             "placement": self.placement,
+            "words": self.words,
+            "distractors": self.distractors,
             "variation": self.variation,
             "episode_length": self.episode_length,
             "record": None if self.output_dir is None else str(Path(self.output_dir) / EPISODES),
@@ -91,8 +99,9 @@ class TabletopEnvConfig(EnvConfig):
         or that of the YAML file without its ending.
 
         Raises:
-            ValueError: If `task` names an unknown action, `placement` is unknown, images, `fps` or
-                `episode_length` cannot be had, or the objects cannot be used.
+            ValueError: If `task` names an unknown action, `placement` or `words` are unknown, images, `fps`
+                or `episode_length` cannot be had, the objects cannot be used, or there are not enough of them
+                for `distractors` and `words`.
             OSError: If nothing can be written to `output_dir`.
         """
         # Asynchronous environments would find out in their workers.
@@ -101,7 +110,9 @@ class TabletopEnvConfig(EnvConfig):
             raise ValueError(f"the world runs at {CONTROL_HZ} frames per second; got --env.fps={self.fps}")
         check_episode_length(self.episode_length)
         find_placement(self.placement)
-        read_objects(self.objects)
+        count = len(read_objects(self.objects))
+        check_distractors(self.distractors, count, self.placement, self.variation.shift_cm)
+        check_words(self.words, count, len(SLOTS) + self.distractors)
         if self.output_dir is not None:
             Path(self.output_dir).mkdir(parents=True, exist_ok=True)
             (Path(self.output_dir) / EPISODES).write_text("", encoding="utf-8")

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One CLANT action as a Gymnasium environment."""
 
+import textwrap
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from .distractors import Distractor, check_distractors, draw_distractors
 from .drawing import check_image_size
 from .objects import NAME_BYTES, read_objects
 from .placement import Pose, find_placement
@@ -22,12 +24,15 @@ from .simulation import CONTROL_HZ, TabletopSimulation
 from .starts import draw_conditions
 from .tasks import EPISODE_STEPS, SLOTS, Action, arrangements, find_action, find_task
 from .variation import Conditions, Variation
+from .words import CANONICAL, Command, canonical, check_words, draw_command
 
 DESCRIPTION_SIZE = len(SLOTS) * (4 + NAME_BYTES)
 """Length of what `describe_objects` returns."""
 
 HELD_STILL_DEG = 1.0
 """A robot that is never told to move any joint farther than this from where it was at reset holds still."""
+
+_LINE = 52  # letters across the bystander's image
 
 
 def describe_objects(boxes: NDArray[np.float64], names: tuple[str, ...]) -> NDArray[np.float32]:
@@ -72,11 +77,16 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
     `reset(options={"arrangement": (left, middle, right)})` names the objects instead of drawing them, and
     `options={"poses": ((x, y, yaw), …)}` says how they stand, see `placement.Pose`. Reset's info has both.
     `options={"task": "push mug"}` judges this episode by a task in CLANT's words in place of `action`; an
-    arrangement that is drawn has its object.
+    arrangement that is drawn has its object. Such a task is said as it is, whatever `words` are.
 
     `options={"conditions": Conditions(…)}` says exactly how arms, camera, light and so on differ from the
-    paper's setting, instead of drawing it from `variation`. Reset's info has the conditions: with arrangement
-    and poses of the same info they give the same start again.
+    paper's setting, instead of drawing it from `variation`, and `options={"distractors": ((name, pose), …)}`
+    which further objects there are. Reset's info has both: with arrangement and poses of the same info they
+    give the same start again.
+
+    What is said is `task_description`, and the episode is judged by it: with `words="counterfactual"` by the
+    object that it names, with `words="absent"` it is perfect to hold still and a failure to move. A seed
+    draws the same scene, whatever is said.
 
     `options={"keep": True, "task": "pull mug"}` goes on from where objects and arms are, with a new task that
     is judged from there.
@@ -91,6 +101,8 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         height: int = 240,
         width: int = 320,
         placement: str = "slots",
+        words: str = CANONICAL,
+        distractors: int = 0,
         render_mode: str = "rgb_array",
         record: str | Path | None = None,
         variation: Variation | None = None,
@@ -105,20 +117,23 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
             width: Columns of the eyes' image.
             placement: `slots` (CLANT's three places), `free` (drawn anew in each reset, `draw_poses`) or
                 `mixed` (each in half of the resets).
+            words: Kind of what is said, see `words.WORDS`.
+            distractors: So many further objects of the set stand on the table, drawn anew in each reset.
             render_mode: Gymnasium's; `rgb_array` is the only one.
             record: File to which each finished episode is added, see `record.Episode`.
             variation: How much each reset may differ from the paper's setting; None: not at all.
             episode_length: Steps of an episode.
 
         Raises:
-            ValueError: If there is no such action, placement or render mode, the image is too small or too
-                large, an episode has no step, or the objects cannot be used.
+            ValueError: If there is no such action, placement, kind of words or render mode, the image is too
+                small or too large, an episode has no step, the objects cannot be used, or they are too few.
         """
         check_episode_length(episode_length)
         if render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode must be rgb_array; got {render_mode!r}")
         self.render_mode = render_mode
         self._own_action = self.action = find_action(action)
+        self.command = Command("", self.action)
         self._objects = objects
         self._record = None if record is None else Path(record)
         self._draw_poses = find_placement(placement)
@@ -127,6 +142,9 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         self._variation = variation or Variation()
         self._max_episode_steps = episode_length
         items = read_objects(objects)
+        check_distractors(distractors, len(items), placement, self._variation.shift_cm)
+        check_words(words, len(items), len(SLOTS) + distractors)
+        self._words, self._distractors = words, distractors
         self._names = {word: item.name for item in items for word in (item.name, *item.synonyms)}
         self._simulation = TabletopSimulation(items)
         self._step = 0
@@ -142,13 +160,13 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
 
     @property
     def task(self) -> str:
-        """CLANT's name of the action."""
+        """CLANT's name of the environment's action, or of that of reset's options."""
         return self.action.name
 
     @property
     def task_description(self) -> str:
-        """The command of this episode in CLANT's words, such as `push red` or `slide-to-left ball`."""
-        return f"{self.action.verb.name} {self._simulation.arrangement[self.action.slot]}"
+        """What is said in this episode: in CLANT's words `push red` or `slide-to-left ball`."""
+        return self.command.text
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -162,20 +180,38 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         options = options or {}
         task = options.get("task")
         verb, target = find_task(task, self._names) if task else (None, None)
-        start = self._kept_start(options) if options.get("keep") else self._new_start(options, target)
+        # From generators of their own: a seed draws the same scenes, whatever varies and whatever is said.
+        random = self.np_random.spawn(1)[0]
+        for_distractors, for_words = random.spawn(2)
+        if options.get("keep"):
+            start = self._kept_start(options)
+        else:
+            start = self._new_start(options, target, random, for_distractors)
         arrangement = self._simulation.arrangement
         if target is not None and target not in arrangement:
             raise ValueError(f"the task {task!r} needs a {target}, but there are {list(arrangement)}")
         self.action = self._own_action if verb is None else Action(arrangement.index(target), verb)
-        self._seed = seed
+        if target is not None:
+            self.command = canonical(self.action, target)
+        else:
+            further = [name for name, _ in start["distractors"]]
+            objects = self._simulation.objects
+            self.command = draw_command(self._words, self.action, objects, arrangement, further, for_words)
+        self._seed, self._scene = seed, start
         self._held_still = True
-        self._start = self._simulation.object_positions()
+        self._start = self._positions()
         self._start_pose = self._simulation.joint_positions_deg
         self._step = 0
         return self._observation(), {"arrangement": arrangement, **start}
 
-    def _new_start(self, options: dict[str, Any], target: str | None) -> dict[str, Any]:
-        """Place the objects and the arms anew; poses and conditions, for reset's info."""
+    def _new_start(
+        self,
+        options: dict[str, Any],
+        target: str | None,
+        for_conditions: np.random.Generator,
+        for_distractors: np.random.Generator,
+    ) -> dict[str, Any]:
+        """Place the objects and the arms anew; poses, conditions and distractors, for reset's info."""
         arrangement = options.get("arrangement")
         if arrangement is None:
             choices = arrangements(tuple(self._simulation.objects))
@@ -187,15 +223,22 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         poses = tuple(Pose(*pose) for pose in poses)
         conditions = options.get("conditions")
         if conditions is None:
-            # From a generator of its own: a seed draws the same scenes, whatever varies.
-            conditions = draw_conditions(self._variation, poses, self.np_random.spawn(1)[0])
-        self._simulation.reset(arrangement, poses, conditions)
-        return {"poses": poses, "conditions": conditions}
+            conditions = draw_conditions(self._variation, poses, for_conditions)
+        distractors = options.get("distractors")
+        if distractors is None:
+            left = [name for name in self._simulation.objects if name not in arrangement]
+            shifted = conditions.shifted(poses)
+            distractors = draw_distractors(self._distractors, left, shifted, for_distractors)
+        distractors = tuple(Distractor(name, Pose(*pose)) for name, pose in distractors)
+        self._simulation.reset(arrangement, poses, conditions, distractors)
+        return {"poses": poses, "conditions": conditions, "distractors": distractors}
 
     def _kept_start(self, options: dict[str, Any]) -> dict[str, Any]:
-        """Leave objects and arms where they are; poses and conditions, for reset's info."""
+        """Leave objects and arms where they are; poses, conditions and distractors, for reset's info."""
         if given := [
-            name for name in ("arrangement", "poses", "conditions") if options.get(name) is not None
+            name
+            for name in ("arrangement", "poses", "conditions", "distractors")
+            if options.get(name) is not None
         ]:
             raise ValueError(f"reset with keep goes on from what is there: leave out {' and '.join(given)}")
         if not self._simulation.arrangement:
@@ -206,7 +249,16 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         conditions = replace(
             self._simulation.conditions, arms_deg=tuple(arms.tolist()), shift_cm=Conditions().shift_cm
         )
-        return {"poses": self._simulation.object_poses(), "conditions": conditions}
+        return {
+            "poses": self._simulation.object_poses(),
+            "conditions": conditions,
+            "distractors": self._simulation.present_distractors(),
+        }
+
+    def _positions(self) -> NDArray[np.float64]:
+        """Of the three objects, then of the distractors, shape (objects, 3), metres."""
+        simulation = self._simulation
+        return np.concatenate([simulation.object_positions(), simulation.distractor_positions()])
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Follow the joint targets for 0.1 s; see the class for observation, reward and info."""
@@ -215,23 +267,31 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         self._step += 1
         if self._step < self._max_episode_steps:
             return self._observation(), 0.0, False, False, {"is_success": False}
-        end = self._simulation.object_positions()
-        outcome = judge(self.action, self._start, end)
+        end, asked = self._positions(), self.command.action
+        if asked is None:
+            outcome = Outcome.PERFECT if self._held_still else Outcome.FAILURE
+        else:
+            outcome = judge(asked, self._start, end)
         info: dict[str, Any] = {"is_success": outcome.reward > 0, "outcome": str(outcome)}
         if outcome is Outcome.FAILURE:
-            info["failure"] = str(why_it_failed(self.action, self._start, end, held_still=self._held_still))
+            info["failure"] = str(why_it_failed(asked, self._start, end, held_still=self._held_still))
         if self._record is not None:
             add_episode(
                 self._record,
                 Episode(
-                    self._seed,
-                    self._objects,
-                    self._simulation.arrangement,
-                    self.task,
-                    self.task_description,
-                    info["outcome"],
-                    info.get("failure", ""),
-                    outcome.reward,
+                    seed=self._seed,
+                    objects=self._objects,
+                    arrangement=self._simulation.arrangement,
+                    action=self.task,
+                    task=self.task_description,
+                    outcome=info["outcome"],
+                    failure=info.get("failure", ""),
+                    reward=outcome.reward,
+                    words=self._words,
+                    asked=None if asked is None else asked.name,
+                    poses=self._scene["poses"],
+                    conditions=self._scene["conditions"].facts(),
+                    distractors=self._scene["distractors"],
                 ),
             )
         return self._observation(), outcome.reward, False, True, info
@@ -250,7 +310,7 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         image = Image.fromarray(self._simulation.render(SPECTATOR, 360, 480))
         ImageDraw.Draw(image).text(
             (8, 6),
-            self.task_description,
+            textwrap.fill(self.task_description, _LINE),
             "white",
             ImageFont.load_default(18),
             stroke_width=2,

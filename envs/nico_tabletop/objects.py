@@ -73,12 +73,18 @@ class TabletopObject:
         synonyms: Other names, at least one.
         parts: What it is drawn with.
         scale: Factor for all lengths of the parts.
+        noun: What follows a name in a sentence, where names are adjectives: `cube` of "the red cube".
     """
 
     name: str
     synonyms: tuple[str, ...]
     parts: tuple[Part, ...]
     scale: float = 1.0
+    noun: str = ""
+
+    def phrase(self, name: str | None = None) -> str:
+        """What stands behind "the" in a sentence: its name, or another one of it, and its noun."""
+        return f"{name or self.name} {self.noun}".rstrip()
 
 
 def add_object(item: TabletopObject, asset: Element, worldbody: Element) -> None:
@@ -163,11 +169,12 @@ def _named(value: Value, path: str) -> Value:
 
 
 def _object(value: Value, folder: Path) -> TabletopObject:
-    keys = value.mapping(("name", "synonyms", "parts"), ("scale",))
+    keys = value.mapping(("name", "synonyms", "parts"), ("scale", "noun"))
     name = keys["name"].words(NAME_BYTES)
     synonyms = tuple(synonym.words() for synonym in keys["synonyms"].items("synonym"))
     parts = tuple(_part(part, folder) for part in keys["parts"].items("part"))
-    return TabletopObject(name, synonyms, parts, _factor(keys))
+    noun = keys["noun"].words() if "noun" in keys else ""
+    return TabletopObject(name, synonyms, parts, _factor(keys), noun)
 
 
 def _factor(keys: dict[str, Value]) -> float:

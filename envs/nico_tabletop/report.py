@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Outcomes and frames of what `lerobot-eval` has run: `python -m nico_tabletop.report eval_info.json …`."""
+"""Outcomes, rates and frames of what `lerobot-eval` has run: `python -m nico_tabletop.report FILE …`.
+
+A file is an `eval_info.json` or an `episodes.jsonl`. `--compare` compares two of them by a paired test.
+"""
 
 import argparse
 import json
@@ -17,6 +20,7 @@ from PIL import Image, ImageDraw, ImageFont
 from rich.console import Console
 from rich.table import Table
 
+from .rates import comparison_table, rates_table
 from .record import EPISODES, Episode, read_episodes
 from .scoring import Failure, Outcome
 from .tasks import ACTIONS
@@ -169,21 +173,60 @@ def _frames(video: Path) -> NDArray[np.uint8]:
     return np.concatenate([frames[index] for index in chosen], axis=1)
 
 
+def _is_record(path: Path) -> bool:
+    return path.suffix == Path(EPISODES).suffix
+
+
+def _episodes(path: Path, evaluations: Sequence[Evaluation]) -> list[Episode]:
+    """All episodes of a record; of an evaluation those that LeRobot counts."""
+    if _is_record(path):
+        return list(read_episodes(path))
+    trials = (trial for evaluation in evaluations for trial in evaluation.trials)
+    return [trial.episode for trial in trials if trial.episode is not None]
+
+
 def main() -> None:
-    """Print outcomes and failures, and save an image with a row of frames for some of the videos."""
+    """Print outcomes, failures and rates; save an image with a row of frames for some of the videos."""
     parser = argparse.ArgumentParser(prog="python -m nico_tabletop.report", description=main.__doc__)
-    parser.add_argument("eval_info", nargs="+", type=Path, help="eval_info.json of lerobot-eval")
-    parser.add_argument("--image", type=Path, required=True, help="PNG file to write")
+    parser.add_argument(
+        "files", nargs="+", type=Path, help="eval_info.json or episodes.jsonl of lerobot-eval"
+    )
+    parser.add_argument("--image", type=Path, help="PNG file to write")
+    parser.add_argument("--compare", action="store_true", help="compare two files by a paired test")
     arguments = parser.parse_args()
+    paths: list[Path] = arguments.files
     try:
-        evaluations = [each for path in arguments.eval_info for each in read_evaluations(path)]
-        image = picture(evaluations)
+        if arguments.compare and len(paths) != 2:
+            raise ValueError(f"--compare takes two files; got {len(paths)}")
+        read = [(path, [] if _is_record(path) else list(read_evaluations(path))) for path in paths]
+        evaluations = [each for _, of_file in read for each in of_file]
+        records = [(str(path), _episodes(path, of_file)) for path, of_file in read]
+        compared = (
+            comparison_table((records[0][0], records[1][0]), records[0][1], records[1][1])
+            if arguments.compare
+            else None
+        )
+        image = picture(evaluations) if arguments.image else None
         if image is not None:
             image.save(arguments.image)
     except (OSError, ValueError) as error:
         sys.exit(f"nico_tabletop.report: {error}")
     console = Console(highlight=False)
-    console.print(outcome_table(evaluations))
+    if evaluations:
+        console.print(outcome_table(evaluations))
+    if any(episodes for _, episodes in records):
+        console.print(rates_table(records))
+    if compared is not None:
+        console.print(compared)
+    _print_details(console, evaluations)
+    if arguments.image:
+        console.print(
+            "No image: there are no videos." if image is None else f"Image: {arguments.image}", soft_wrap=True
+        )
+
+
+def _print_details(console: Console, evaluations: Sequence[Evaluation]) -> None:
+    """Each failure, and where the videos are."""
     for evaluation in evaluations:
         for trial in evaluation.trials:
             if trial.outcome is Outcome.FAILURE:
@@ -193,9 +236,6 @@ def main() -> None:
         console.print(f"Why episodes failed (?) is not recorded: {hint}.", soft_wrap=True)
     for folder in dict.fromkeys(evaluation.folder for evaluation in evaluations):
         console.print(f"Videos: {folder / 'videos'}", soft_wrap=True)
-    console.print(
-        "No image: there are no videos." if image is None else f"Image: {arguments.image}", soft_wrap=True
-    )
 
 
 if __name__ == "__main__":

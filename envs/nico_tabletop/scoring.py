@@ -54,7 +54,7 @@ def judge(action: Action, start: NDArray[np.float64], end: NDArray[np.float64]) 
 
     Args:
         action: What was to be done.
-        start: Object positions before, shape (3, 3), metres, by slot.
+        start: Object positions before, shape (objects, 3), metres: by slot, then any others.
         end: Object positions after, the same shape.
     """
     motion = (end - start)[:, :2]
@@ -69,13 +69,13 @@ def judge(action: Action, start: NDArray[np.float64], end: NDArray[np.float64]) 
 
 
 def why_it_failed(
-    action: Action, start: NDArray[np.float64], end: NDArray[np.float64], *, held_still: bool
+    action: Action | None, start: NDArray[np.float64], end: NDArray[np.float64], *, held_still: bool
 ) -> Failure:
     """Say in which way an action failed.
 
     Args:
-        action: What was to be done.
-        start: Object positions before, shape (3, 3), metres, by slot.
+        action: What was to be done; None: nothing.
+        start: Object positions before, shape (objects, 3), metres: by slot, then any others.
         end: Object positions after, the same shape.
         held_still: Whether the robot was told to stay in its pose all the time.
     """
@@ -83,7 +83,8 @@ def why_it_failed(
         return Failure.REFUSED
     distance = np.linalg.norm((end - start)[:, :2], axis=1)
     least = np.full(len(distance), OTHER_MOVED)
-    least[action.slot] = TARGET_MOVED
+    if action is not None:
+        least[action.slot] = TARGET_MOVED
     return Failure.MOVED_WRONGLY if (distance >= least).any() else Failure.MISSED
 
 

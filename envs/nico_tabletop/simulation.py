@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .camera_effects import add_camera_effects
+from .distractors import Distractor
 from .drawing import make_renderer
 from .look import Look
 from .objects import TabletopObject, visible_surface
@@ -33,7 +34,7 @@ def _within_limits(target_deg: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 class TabletopSimulation:
-    """NICO at the table with three of the given objects.
+    """NICO at the table with three of the given objects, and distractors out of its way.
 
     Angles are degrees in the order of `robot.JOINT_NAMES`; positions are metres in the robot's frame (x
     forward, y to the robot's left, z up). The same calls give the same numbers, bit for bit.
@@ -44,6 +45,7 @@ class TabletopSimulation:
         self.model = build_model(objects)
         self.data = mujoco.MjData(self.model)
         self.arrangement: tuple[str, ...] = ()
+        self.distractors: tuple[Distractor, ...] = ()
         self.conditions = Conditions()
         self._look = Look(self.model)
         self._surfaces = {name: visible_surface(self.model, name) for name in self.objects}
@@ -57,6 +59,7 @@ class TabletopSimulation:
         arrangement: Sequence[str],
         poses: Sequence[Pose] = SLOT_POSES,
         conditions: Conditions | None = None,
+        distractors: Sequence[Distractor] = (),
     ) -> None:
         """Put the named objects into their poses and the arms into the initial pose.
 
@@ -65,9 +68,11 @@ class TabletopSimulation:
             poses: Where they stand.
             conditions: In which way poses, arms, camera, light and table differ from the paper's setting,
                 until the next reset; None: in none.
+            distractors: Further objects, which conditions do not shift.
 
         Raises:
-            ValueError: If there are not three distinct known names and three poses.
+            ValueError: If there are not three distinct known names and three poses, or a distractor is
+                unknown or already there.
         """
         if len(set(arrangement)) != len(SLOTS) or not set(arrangement) <= set(self.objects):
             known = ", ".join(self.objects)
@@ -76,16 +81,19 @@ class TabletopSimulation:
             )
         if len(poses) != len(SLOTS):
             raise ValueError(f"each of the three objects needs a pose; got {len(poses)} poses")
-        self.arrangement = tuple(arrangement)
+        further = [name for name, _ in distractors]
+        is_distinct = len({*arrangement, *further}) == len(SLOTS) + len(further)
+        if not (is_distinct and set(further) <= set(self.objects)):
+            raise ValueError(f"distractors are further objects of the set, each once; got {further}")
+        self.arrangement, self.distractors = tuple(arrangement), tuple(distractors)
         self.conditions = Conditions() if conditions is None else conditions
         self._look.change(self.conditions)
-        places = self.conditions.shifted(poses)
+        places = dict(zip(arrangement, self.conditions.shifted(poses), strict=True)) | dict(self.distractors)
         mujoco.mj_resetData(self.model, self.data)
         for index, name in enumerate(self.objects):
-            present = name in arrangement
-            place = resting_place(places[self.arrangement.index(name)]) if present else parking_place(index)
+            place = resting_place(places[name]) if name in places else parking_place(index)
             self.data.joint(name).qpos[:] = place
-            self.model.body_gravcomp[self.model.body(name).id] = 0.0 if present else 1.0
+            self.model.body_gravcomp[self.model.body(name).id] = 0.0 if name in places else 1.0
         self._target = _within_limits(self.conditions.start_pose_deg)
         self.data.qpos[self._joints] = self._target
         self.data.ctrl[:] = self._target
@@ -122,14 +130,23 @@ class TabletopSimulation:
         """Middles of the left, middle and right object, shape (3, 3), metres."""
         return np.array([self.data.body(name).xpos for name in self.arrangement])
 
+    def distractor_positions(self) -> NDArray[np.float64]:
+        """Middles of the distractors, shape (N, 3), metres."""
+        return np.array([self.data.body(name).xpos for name, _ in self.distractors]).reshape(-1, 3)
+
     def object_poses(self) -> Poses:
         """How the left, middle and right object stand now; of one that lies, where its x axis points."""
-        bodies = [self.data.body(name) for name in self.arrangement]
-        left, middle, right = (
-            Pose(float(x), float(y), float(np.rad2deg(np.arctan2(turned[3], turned[0]))))
-            for (x, y, _), turned in ((body.xpos, body.xmat) for body in bodies)
-        )
+        left, middle, right = map(self._pose, self.arrangement)
         return left, middle, right
+
+    def present_distractors(self) -> tuple[Distractor, ...]:
+        """The distractors as they stand now."""
+        return tuple(Distractor(name, self._pose(name)) for name, _ in self.distractors)
+
+    def _pose(self, name: str) -> Pose:
+        body = self.data.body(name)
+        (x, y, _), turned = body.xpos, body.xmat
+        return Pose(float(x), float(y), float(np.rad2deg(np.arctan2(turned[3], turned[0]))))
 
     def _renderer(self, height: int, width: int) -> mujoco.Renderer:
         # The GL context is made on first use, inside the process that renders.

@@ -27,6 +27,8 @@ from .pretrained import find_backbone, load_pretrained
 IMAGES_AT_ONCE = 8
 # Of which the embeddings are kept, a few kilobytes each.
 MOST_NAMES = 1000
+# So much of a box has to be in the image (our decision): boxes of training end where the image does.
+MOSTLY = 0.75
 # A darker image, by the mean of its pixels, is brightened to this, at most so many times.
 DARK, MOST_GAIN = 0.4, 10.0
 
@@ -227,7 +229,7 @@ class ZeroShotDetector(Detector):
         find = self.candidates
         images = self._images(observation)
         look = find.look(images) if isinstance(find, OwlCandidates) else partial(find, images)
-        return torch.no_grad()(lambda names: _inside(look(_full(names))))
+        return torch.no_grad()(lambda names: only_inside(look(_full(names))))
 
     @torch.no_grad()
     def propose(self, observation: Mapping[str, Any], names: Sequence[Sequence[str]]) -> Candidates:
@@ -235,7 +237,7 @@ class ZeroShotDetector(Detector):
         images, asked = self._images(observation), _full(names)
         parts = (slice(first, first + IMAGES_AT_ONCE) for first in range(0, len(images), IMAGES_AT_ONCE))
         found = [self.candidates(images[part], asked[part]) for part in parts]
-        return _inside(Candidates(*(torch.cat(tensors) for tensors in zip(*found, strict=True))))
+        return only_inside(Candidates(*(torch.cat(tensors) for tensors in zip(*found, strict=True))))
 
     def _images(self, observation: Mapping[str, Any]) -> Tensor:
         """The camera's images, in [0, 1]; the model moves to where they are."""
@@ -258,10 +260,11 @@ def _full(names: Sequence[Sequence[str]]) -> list[list[str]]:
     return [[object_name(name) for name in asked] for asked in names]
 
 
-def _inside(found: Candidates) -> Candidates:
-    """The same, with no score for a box whose middle is not in the image."""
-    centre = (found.box[..., :2] + found.box[..., 2:]) / 2
-    inside = ((centre >= 0) & (centre <= 1)).all(dim=-1)
+def only_inside(found: Candidates) -> Candidates:
+    """The same, with no score for a box that lies half outside the image: perhaps a thing's second one."""
+    low, high = found.box[..., :2], found.box[..., 2:]
+    visible = (high.clamp(max=1) - low.clamp(min=0)).clamp(min=0).prod(dim=-1)
+    inside = visible >= MOSTLY * (high - low).prod(dim=-1)
     return Candidates(found.box, found.score * inside[..., None])
 
 

@@ -3,8 +3,8 @@
 
 from dataclasses import dataclass
 
-from .parser import object_name
-from .replies import listed, verb_phrase
+from .parser import object_name, parse_command
+from .replies import NOTHING_KNOWN, NOTHING_MOVED, listed, verb_phrase
 from .verbs import VERBS
 
 
@@ -42,3 +42,13 @@ class Change:
         more = ["and it fell over"] if self.fell else []
         more += [f"and {listed(also, 'and')} moved too"] if also else []
         return ", ".join([said, *more]) + "."
+
+
+def retell(description: str) -> str:
+    """Say what somebody else did, of what `describe` answered: "push mug" is "You pushed the mug."."""
+    if description == NOTHING_MOVED:
+        return "You moved nothing, as far as I saw."
+    command = parse_command(description)
+    if description == NOTHING_KNOWN or command.verb not in VERBS or not command.object:
+        return "I cannot tell what you moved."
+    return f"You {VERBS[command.verb].past.format(f'the {object_name(command.object)}')}."

@@ -98,3 +98,11 @@ VERBS: dict[str, Verb] = {
     )
 }
 """By canonical name, in CLANT's order."""
+
+_OPPOSITES = {AWAY: CLOSER, CLOSER: AWAY, LEFT: RIGHT, RIGHT: LEFT}
+
+
+def opposite(verb: str) -> str:
+    """The verb of `VERBS` that moves a thing back again."""
+    way = _OPPOSITES[VERBS[verb].way]
+    return next(name for name, other in VERBS.items() if other.way == way)

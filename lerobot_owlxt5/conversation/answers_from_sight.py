@@ -13,6 +13,7 @@ from .questions import Question, singular
 
 NEAR = 0.3
 """Things whose places differ by less are beside each other, as a share of the image (our decision)."""
+_DISTANCES = {"near": "nearest to me", "far": "farthest from me"}
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
 
 
@@ -112,9 +113,13 @@ def _with_names(things: list[Thing]) -> str:
 
 
 def _on_side(side: str, scene: Scene) -> Answer:
-    there = [thing for thing in scene.things if side_of(thing.place) == side]
+    if side in _DISTANCES:
+        chosen = matching(Target(side=side), [thing.place for thing in scene.things], [], None)
+        there = [scene.things[index] for index in chosen]
+    else:
+        there = [thing for thing in scene.things if side_of(thing.place) == side]
     what = _with_names(there) if there else "nothing that I know"
-    return Answer(f"{SIDES_IN_WORDS[side].capitalize()} I see {what}.", _only(there))
+    return Answer(f"{(_DISTANCES | SIDES_IN_WORDS)[side].capitalize()} I see {what}.", _only(there))
 
 
 def _count(name: str, scene: Scene) -> Answer:

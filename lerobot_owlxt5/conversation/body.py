@@ -42,10 +42,16 @@ class Body:
 
     def batch(self, task: str) -> dict[str, Any]:
         """The last observation, as the policy takes it, with a task."""
-        frame = prepare_observation_for_inference(
-            copy(self._frame), self._device, task, self._robot.robot_type
-        )
-        return dict(self._preprocess(frame))
+        return self.preprocess(self.observation(task))
+
+    def observation(self, task: str) -> dict[str, Any]:
+        """The last observation before the preprocessor, features (1, ...), with a task."""
+        frame = copy(self._frame)
+        return dict(prepare_observation_for_inference(frame, self._device, task, self._robot.robot_type))
+
+    def preprocess(self, batch: dict[str, Any]) -> dict[str, Any]:
+        """A batch of the robot as the policy takes it."""
+        return dict(self._preprocess(batch))
 
     def act(self, action: Tensor) -> None:
         """Send what a policy has chosen, (1, joints), scaled as it scales joints."""

@@ -5,6 +5,7 @@ from typing import Any
 
 import torch
 from lerobot.robots import Robot
+from torch import Tensor
 
 from ..commands.answer import Action, Request
 from ..commands.instruction import HOME, target_of
@@ -19,13 +20,31 @@ from .lines import Line, add
 from .memory import Memory
 from .questions import Question
 from .rules import plan_by_rules
-from .steps import Ask, Do, GoHome, Open, Planner, Remark, Say, Situation, Step, Stop, Translate
+from .showing import Showing
+from .steps import (
+    Ask,
+    Describe,
+    Do,
+    GoHome,
+    Imitate,
+    Open,
+    Planner,
+    Remark,
+    Say,
+    Situation,
+    Step,
+    Stop,
+    Translate,
+    Watch,
+)
 
 ONCE_MORE = "I try once more."
 STOPPED = "I stop."
 TOLD_TO_STOP = "You told me to."
 WHAT_TO_TRANSLATE = "What should I translate?"
 NO_TRANSLATION = "I cannot translate: this policy has not learnt it."
+AS_YOU_DID = "I move my arms as you did."
+DONE_AS_YOU_DID = "I moved my arms as you did. I did not look what has moved."
 LINES_BEFORE = 6
 """So many lines does a planner know, beside the words that it decides about (our decision)."""
 _OF_MEMORY = ("did", "worked", "why", "doing", "ability", "robot")
@@ -65,11 +84,18 @@ class Conversation:
         self._response = ""
         self._reported: Execution | None = None
         self._tried_again = False
+        self._showing = Showing(policy, self._body)
+        self._copy: list[Tensor] = []
 
     @property
     def busy(self) -> bool:
         """Whether a movement is going on, or is about to begin."""
-        return self._task is not None
+        return self._task is not None or bool(self._copy)
+
+    @property
+    def watching(self) -> bool:
+        """Whether the robot watches how somebody moves its arms."""
+        return self._showing.goes_on
 
     @property
     def things(self) -> list[Thing]:
@@ -86,7 +112,8 @@ class Conversation:
         before = tuple(self.lines[-LINES_BEFORE:])
         add(self.lines, "person", words[:MAX_CHARACTERS])
         seen = tuple(thing.name for thing in self.things)
-        situation = Situation(self._policy.understand, self._open, self._last, seen, before)
+        understand = self._policy.understand
+        situation = Situation(understand, self._open, self._last, seen, before, self.watching)
         self._take(self._planner(words, situation))
 
     def look(self) -> None:
@@ -104,7 +131,12 @@ class Conversation:
             FloatingPointError: If a plan is not finite.
         """
         if self._task is None:
-            if not self._body.has_looked:
+            if self.watching:
+                if told := self._showing.watch():
+                    self._say(told)
+            elif self._copy:
+                self._act_as_shown()
+            elif not self._body.has_looked:
                 self._body.look()
             return
         if self._policy.looks([self._task])[0] or not self._body.has_looked:
@@ -135,6 +167,13 @@ class Conversation:
                 self.home()
             case Ask(question):
                 self._answer(question)
+            case Watch():
+                self._halt()
+                self._say(self._showing.begin())
+            case Describe():
+                self._say(self._showing.end())
+            case Imitate():
+                self._imitate()
             case Translate(sentence):
                 self._translate(sentence)
             case Remark(text, then):
@@ -152,17 +191,19 @@ class Conversation:
     def _begin(self, task: str) -> None:
         """Give the policy a task; it takes effect at the next tick."""
         self._policy.drop_queued_actions()
-        self._task, self._response, self._reported = task, "", None
+        self._showing.goes_on = False
+        self._task, self._response, self._reported, self._copy = task, "", None, []
         self._memory.still = ""
 
     def _halt(self) -> bool:
         """End the movement where the arms are; whether there was one."""
-        if self._task is None:
+        self._showing.goes_on = False
+        if not self.busy:
             return False
         if self._memory.doing:
             self._memory.did = f"I stopped before I was done. I had said: {self._memory.doing}"
             self._memory.worked = None
-        self._task, self._memory.doing = None, ""
+        self._task, self._memory.doing, self._copy = None, "", []
         self._policy.drop_queued_actions()
         self._body.hold()
         return True
@@ -197,6 +238,9 @@ class Conversation:
             return
         instruction = execution.instruction
         if instruction.goes_home:
+            if self._copy:
+                self._memory.doing = AS_YOU_DID
+                self._say(AS_YOU_DID)
             return
         self._memory.still = self._response
         target = instruction.target
@@ -230,6 +274,24 @@ class Conversation:
             if thing:
                 self._policy.speak_of([target_of(thing.name)])
         self._say(text)
+
+    def _imitate(self) -> None:
+        """Go home, to do again what was shown."""
+        movement = self._showing.movement()
+        if isinstance(movement, str):
+            self._say(movement)
+        else:
+            self.home()
+            self._copy = [*movement]
+
+    def _act_as_shown(self) -> None:
+        """One step of what was shown; the last ones hold its end."""
+        action = self._copy.pop(0)
+        self._body.act(action[None])
+        if all(torch.equal(action, later) for later in self._copy):
+            self._copy = []
+            self._memory.did, self._memory.doing, self._memory.worked = DONE_AS_YOU_DID, "", None
+            self._say(DONE_AS_YOU_DID)
 
     def _scene(self) -> Scene | None:
         """What is seen now; None for a policy that sees no objects."""

@@ -63,6 +63,8 @@ _GERMAN |= {
     "schwarz": "black",
 }
 _GERMAN |= {"grau": "grey"}
+_GERMAN_WAYS = {"nach links": "slide-to-left", "nach rechts": "slide-to-right", "weg": "push"}
+_GERMAN_WAYS |= {"weg von dir": "push", "von dir weg": "push", "zu dir": "pull", "zu dir her": "pull"}
 _COLOURS = {word + end: colour for word, colour in _GERMAN.items() for end in ("", "e", "en", "er", "es")}
 
 
@@ -105,4 +107,4 @@ def how(words: str) -> str | None:
     verb, _, direction = said.partition(" ")
     if verb in VERB_PHRASES and DIRECTIONS.get(direction) in VERB_PHRASES[verb]:
         return DIRECTIONS[direction]
-    return DIRECTIONS.get(said)
+    return DIRECTIONS.get(said) or _GERMAN_WAYS.get(said)

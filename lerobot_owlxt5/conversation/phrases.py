@@ -18,6 +18,14 @@ HOME |= {"geh nach hause", "fahr nach hause", "arme nach hause", "move your arms
 AGAIN = {"again", "once more", "do it again", "do that again", "try again", "try it again", "one more time"}
 AGAIN |= {"nochmal", "noch mal", "noch einmal", "mach es nochmal", "mach das nochmal", "mach es noch einmal"}
 AGAIN |= {"repeat", "repeat it", "repeat that", "wiederhole das", "versuch es nochmal", "versuche es nochmal"}
+WATCH = {"watch me", "watch what i do", "describe what i do", "look what i do", "watch this", "watch"}
+WATCH |= {"schau mir zu", "sieh mir zu", "schau zu", "sieh zu", "beschreibe was ich tue", "pass auf"}
+WATCH |= {"beschreib was ich tue", "schau was ich mache", "schau her"}
+DONE = {"done", "i am done", "i'm done", "that was it", "that is it", "finished", "i am finished", "ready"}
+DONE |= {"what did i do", "fertig", "ich bin fertig", "das war es", "das war's", "was habe ich gemacht"}
+IMITATE = {"do it again as i did", "do as i did", "do it as i did", "do it like me", "do what i did"}
+IMITATE |= {"repeat what i did", "imitate me", "now you", "your turn", "mach es nach", "mach das nach"}
+IMITATE |= {"mach es wie ich", "jetzt du", "mach mir das nach", "wiederhole was ich gemacht habe"}
 YES = {"yes", "yeah", "yep", "yup", "sure", "of course", "right", "correct", "exactly", "do it", "yes do it"}
 YES |= {
     "ja",
@@ -33,9 +41,14 @@ YES |= {
 }
 NO = {"no", "nope", "nein", "no thanks", "no thank you", "nein danke", "never mind", "do not", "don't"}
 NO |= {"neither", "none", "lass es", "egal", "nothing", "nichts", "not that"}
+OTHER_WAY = {"the other way", "the other direction", "other way", "other direction", "the other way round"}
+OTHER_WAY |= {"the other way around", "in the other direction", "the opposite direction"}
+OTHER_WAY |= {"andersrum", "andersherum", "anders herum", "anders rum", "die andere richtung"}
+OTHER_WAY |= {"in die andere richtung"}
 
 # "No, the mug" and "no the mug" correct, "no mug" does not.
-_NO = r"(?:(?:no|nope|nein|sorry|ach|oh|wait|warte)(?:\s*[,.!;:]\s*|\s+(?=(?:the|die|der|das|den|i|ich)\b)))"
+_AFTER_NO = "the|die|der|das|den|i|ich|to|nach|wait|warte"
+_NO = rf"(?:(?:no|nope|nein|sorry|ach|oh|wait|warte)(?:\s*[,.!;:]\s*|\s+(?=(?:{_AFTER_NO})\b)))"
 _MEANT = r"(?:(?:i|ich)\s+(?:meant?|meine?|meinte)\b[\s,:]*)"
 _CORRECTION = re.compile(rf"(?:{_NO}+{_MEANT}?|{_MEANT})(?P<rest>.+)", re.IGNORECASE | re.DOTALL)
 

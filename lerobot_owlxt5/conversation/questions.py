@@ -39,7 +39,10 @@ class Question:
 
 _SIDES = {"left": "left", "right": "right", "middle": "middle", "center": "middle", "centre": "middle"}
 _SIDES |= {"links": "left", "rechts": "right", "mitte": "middle"}
+_SIDES |= {"nearest": "near", "closest": "near", "nächsten": "near", "farthest": "far", "furthest": "far"}
+_SIDES |= {"weitesten": "far"}
 _RELATIONS = {"left of": "left of", "right of": "right of", "next to": "next to", "beside": "next to"}
+_RELATIONS |= {"near": "next to", "close to": "next to"}
 _RELATIONS |= {"behind": "behind", "in front of": "before", "links von": "left of", "rechts von": "right of"}
 _RELATIONS |= {"links neben": "left of", "rechts neben": "right of", "neben": "next to", "hinter": "behind"}
 _COLOUR = r"(?:colou?r|farbe)"

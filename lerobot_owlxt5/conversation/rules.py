@@ -13,13 +13,28 @@ from ..commands.answer import Action, Request, Target
 from ..commands.parser import plain
 from ..commands.prompts import MAX_CHARACTERS
 from ..commands.replies import HOLDS, NOTHING_ASKED, TOO_LONG, ask_back, ask_whether
+from ..commands.verbs import opposite
 from .fragments import how, which
-from .phrases import AGAIN, HOME, NO, STOP, YES, corrected, says
+from .phrases import AGAIN, DONE, HOME, IMITATE, NO, OTHER_WAY, STOP, WATCH, YES, corrected, says
 from .questions import read_question
-from .steps import Ask, Do, GoHome, Open, Say, Situation, Step, Stop, Translate
+from .steps import (
+    Ask,
+    Describe,
+    Do,
+    GoHome,
+    Imitate,
+    Open,
+    Say,
+    Situation,
+    Step,
+    Stop,
+    Translate,
+    Watch,
+)
 
 NOTHING_TO_REPEAT = "I hold still, because there is nothing yet that I could do again."
 _TRANSLATE = "translate:"
+_IT = Target(reference="it")
 
 
 def plan_by_rules(words: str, situation: Situation) -> Step:
@@ -39,6 +54,12 @@ def plan_by_phrases(words: str, situation: Situation) -> Step | None:
         return Stop()
     if says(words, HOME):
         return GoHome()
+    if says(words, WATCH):
+        return Watch()
+    if situation.watching and says(words, DONE):
+        return Describe()
+    if says(words, IMITATE):
+        return Imitate()
     if says(words, AGAIN):
         return Do(situation.last) if situation.last else Say(NOTHING_TO_REPEAT)
     reply = _reply_to(situation.open, words, situation) if situation.open else None
@@ -57,13 +78,13 @@ def _reply_to(asked: Open, words: str, situation: Situation) -> Step | None:
         verb = None if _holds_back(understood) else how(words)
         if verb is None:
             same = _single(understood)
-            verb = same.verb if same and same.target in (Target(reference="it"), action.target) else None
+            verb = same.verb if same and same.target in (_IT, action.target) else None
         return _checked(asked.completed(replace(action, verb=verb))) if verb else None
     understood = situation.understand(words)
     target = _marked(words, action.target, understood, situation) if asked.kind == "which" else None
     if target is None:
         said = _single(understood)
-        if said is None or said.verb is not None or said.target in (Target(), Target(reference="it")):
+        if said is None or said.verb is not None or said.target in (Target(), _IT):
             return None
         target = said.target
         if asked.kind == "which" and not target.name:
@@ -72,12 +93,31 @@ def _reply_to(asked: Open, words: str, situation: Situation) -> Step | None:
 
 
 def _correction(words: str, situation: Situation) -> Step | None:
-    """The last command with another thing, where the words are "no, the mug"; None for other words."""
-    said, last = corrected(words), situation.last
-    if not said or last is None:
+    """The last command with another thing or another way; None for words that correct nothing.
+
+    "No, the mug" names another thing, "no, to the left" and "the other way" another way.
+    """
+    said, last = corrected(words) or words, situation.last
+    if last is None:
         return None
-    understood = situation.understand(said)
     before = last.actions[0]
+    if len(last.actions) == 1 and before.verb and says(said, OTHER_WAY):
+        return Do(Request((Action(opposite(before.verb), _IT),)))
+    if said == words:
+        return None
+    action = _another(said, before, situation)
+    if action is None:
+        return None
+    if _holds_back(situation.understand(words)):
+        return Say(ask_whether(action, ()), Open("whether", Request((action,))))
+    return _checked(Request((action,)))
+
+
+def _another(said: str, before: Action, situation: Situation) -> Action | None:
+    """The action that a correction makes of the one before; None for words that say something else."""
+    understood = situation.understand(said)
+    if not _holds_back(understood) and (verb := how(said)):
+        return Action(verb, _IT)
     plain_target = replace(before.target, side="", colour="", order=None, reference="", relation=None)
     target = _marked(said, plain_target, understood, situation)
     if target is None:
@@ -86,10 +126,7 @@ def _correction(words: str, situation: Situation) -> Step | None:
             return None
         named = action.target.name or action.target.reference
         target = action.target if named else replace(action.target, name=before.target.name)
-    request = Request((Action(before.verb, target),))
-    if _holds_back(situation.understand(words)):
-        return Say(ask_whether(request.actions[0], ()), Open("whether", request))
-    return _checked(request)
+    return Action(before.verb, target)
 
 
 def _marked(words: str, asked: Target, understood: Understood, situation: Situation) -> Target | None:

@@ -55,6 +55,21 @@ class GoHome:
 
 
 @dataclass(frozen=True)
+class Watch:
+    """Watch how somebody moves the arms; hold still meanwhile."""
+
+
+@dataclass(frozen=True)
+class Describe:
+    """Say what was shown."""
+
+
+@dataclass(frozen=True)
+class Imitate:
+    """Do again what was shown."""
+
+
+@dataclass(frozen=True)
 class Translate:
     """Say a sentence in German."""
 
@@ -74,7 +89,7 @@ class Remark:
     then: "Step"
 
 
-Step = Say | Ask | Do | Stop | GoHome | Translate | Remark
+Step = Say | Ask | Do | Stop | GoHome | Watch | Describe | Imitate | Translate | Remark
 
 
 @dataclass(frozen=True)
@@ -109,6 +124,7 @@ class Situation:
         last: What was asked for last and understood; None before.
         seen: What the things are called that were seen at the last look, from left to right.
         before: What was said last, the oldest first, without the words to decide about.
+        watching: Whether the robot watches how its arms are moved.
     """
 
     understand: Callable[[str], Understood]
@@ -116,6 +132,7 @@ class Situation:
     last: Request | None = None
     seen: tuple[str, ...] = ()
     before: tuple[Line, ...] = ()
+    watching: bool = False
 
 
 class Planner(Protocol):

@@ -84,6 +84,7 @@ def build_page(visitors: Visitors, table: Table, sends_words: bool = False) -> g
                     say = gr.Button(english.say, variant="primary", min_width=80, elem_id="say")
                     stop = gr.Button(english.stop, variant="stop", min_width=80, elem_id="stop")
                     home = gr.Button(english.home, min_width=80, elem_id="home")
+                    show_it = gr.Button(english.show, min_width=80, elem_id="show")
                 gr.HTML(_SPEECH, elem_id="speech", js_on_load="window.owlxt5Speech(element);")
                 spoken = gr.HTML(
                     elem_id="spoken",
@@ -109,7 +110,7 @@ def build_page(visitors: Visitors, table: Table, sends_words: bool = False) -> g
                 )
                 new_scene = gr.Button(english.new_scene, elem_id="new_scene")
 
-        worded = [intro, chat, words, say, stop, home, objects, placement, new_scene]
+        worded = [intro, chat, words, say, stop, home, show_it, objects, placement, new_scene]
 
         def in_language(chosen: str, request: gr.Request) -> list[Any]:
             texts = TEXTS.get(chosen, english)
@@ -144,6 +145,10 @@ def build_page(visitors: Visitors, table: Table, sends_words: bool = False) -> g
             if visitor := visitors.find(request.session_hash):
                 visitor.home()
 
+        def be_shown(request: gr.Request) -> None:
+            if visitor := visitors.find(request.session_hash):
+                visitor.show()
+
         def leave(request: gr.Request) -> None:
             visitors.leave(request.session_hash)
 
@@ -157,6 +162,7 @@ def build_page(visitors: Visitors, table: Table, sends_words: bool = False) -> g
         gr.on([new_scene.click, objects.input, placement.input], lay, [objects, placement], None, **_QUIETLY)
         stop.click(hold, None, None, queue=False, **_QUIETLY)
         home.click(go_home, None, None, **_QUIETLY)
+        show_it.click(be_shown, None, None, **_QUIETLY)
         page.unload(leave)
     return page
 
@@ -243,6 +249,7 @@ def _worded(texts: Texts, sends_words: bool) -> list[Any]:
         texts.say,
         texts.stop,
         texts.home,
+        texts.show,
         gr.update(label=texts.objects, choices=_choices(texts.object_sets)),
         gr.update(label=texts.placement, choices=_choices(texts.placements)),
         texts.new_scene,

@@ -18,6 +18,7 @@ class Texts:
     say: str
     stop: str
     home: str
+    show: str
     new_scene: str
     objects: str
     placement: str
@@ -43,6 +44,7 @@ TEXTS = {
         say="Say it",
         stop="Stop",
         home="Arms back",
+        show="Show it a movement",
         new_scene="New scene",
         objects="Things on the table",
         placement="Where they stand",
@@ -66,6 +68,7 @@ TEXTS = {
         say="Sagen",
         stop="Halt",
         home="Ruhelage",
+        show="Etwas vormachen",
         new_scene="Neue Szene",
         objects="Dinge auf dem Tisch",
         placement="Wo sie stehen",

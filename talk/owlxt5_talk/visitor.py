@@ -66,6 +66,10 @@ class Visitor:
         """Let the arms go home."""
         self._order(lambda world: world.conversation.home())
 
+    def show(self) -> None:
+        """Let somebody move the arms, for the robot to watch."""
+        self._order(lambda world: world.show())
+
     def lay(self, table: Table) -> None:
         """Lay the table anew."""
         self._heard = time.monotonic()
@@ -110,7 +114,7 @@ class Visitor:
                     world.lay(self._scenes.pop())
                 if not self._orders.empty():
                     self._orders.get_nowait()(world)
-                world.conversation.tick()
+                world.tick()
                 self._table = world.table
                 self._show(world.view())
                 # A slow computer makes a slow world, not one that jumps.

@@ -19,13 +19,18 @@ from nico_tabletop.config_nico_sim import NicoSimConfig
 from nico_tabletop.nico_sim import NicoSim
 from nico_tabletop.objects import SHIPPED
 from nico_tabletop.placement import PLACEMENTS
-from nico_tabletop.robot import EYES
+from nico_tabletop.robot import EYES, JOINT_NAMES
 from nico_tabletop.scene import SPECTATOR
+
+from .guided import draw_movement
 
 HEIGHT, WIDTH = 360, 480
 """Of both pictures: the robot itself sees less, and a person more."""
 SHOWN_LINES = 100
 """So many lines of a conversation are shown, the last ones."""
+
+WATCH, DONE = "watch me", "done"
+"""What somebody says who shows a movement."""
 
 _JPEG_QUALITY = 85
 _EVERY = {EYES: 1, SPECTATOR: 2}  # so many control periods from one picture to the next
@@ -64,6 +69,10 @@ class TalkingRobot(Protocol):
     @property
     def busy(self) -> bool:
         """Whether a movement is going on, or is about to begin."""
+
+    @property
+    def watching(self) -> bool:
+        """Whether it watches how its arms are moved."""
 
     @property
     def things(self) -> list[Thing]:
@@ -115,7 +124,7 @@ class View:
         lines: Who said what, (speaker, text), the last `SHOWN_LINES`.
         things: What the robot sees.
         looking_at: What it is about to move, or moves.
-        busy: Whether it moves.
+        busy: Whether it moves, or is moved.
         table: What stands there.
         failed: Whether something broke that nobody at the page can mend, but by a new scene.
     """
@@ -159,6 +168,33 @@ class World:
         self._pictures = {camera: (b"", np.empty(0)) for camera in _EVERY}
         self._views = 0
         self._things: tuple[Seen, ...] = ()
+        self._shows, self._guided = False, list[np.ndarray]()
+
+    def show(self) -> None:
+        """Let somebody move the arms, and the robot watch, as soon as the arms are home."""
+        self.conversation.home()
+        self._shows = True
+
+    def tick(self) -> None:
+        """Go on for one control period."""
+        assert self._robot is not None
+        conversation = self.conversation
+        if self._shows and not conversation.busy:
+            self._shows = False
+            conversation.hear(WATCH)
+            self._guided = draw_movement(self._robot, self._random)
+        if not conversation.watching:
+            self._guided = []
+        if self._guided:
+            pose = self._guided.pop(0).tolist()
+            self._robot.send_action(
+                {f"{name}.pos": angle for name, angle in zip(JOINT_NAMES, pose, strict=True)}
+            )
+            conversation.tick()
+            if not self._guided:
+                conversation.hear(DONE)
+        else:
+            conversation.tick()
 
     def view(self) -> View:
         """What is to be seen now; draws only where something has moved."""
@@ -179,7 +215,7 @@ class World:
             lines=tuple((line.speaker, line.text) for line in conversation.lines[-SHOWN_LINES:]),
             things=self._things,
             looking_at=target,
-            busy=conversation.busy,
+            busy=conversation.busy or bool(self._guided),
             table=self.table,
         )
 
