@@ -28,7 +28,7 @@ from .commands.prompts import (
 from .configuration_early_fusion import EarlyFusionConfig
 from .data.episode_ends import EpisodeEnds
 from .data.episode_store import EpisodeStore, EpisodeTexts
-from .data.normalization import share_joint_range
+from .data.normalization import SMALLEST_RANGE, share_joint_range
 from .losses import reduce_loss
 from .mode_sampling import ModeBatch, ModeSampler, step_randomness
 from .model.early_fusion_model import EarlyFusionModel
@@ -42,12 +42,17 @@ class EarlyFusionPolicy(PreTrainedPolicy):
     """Looks, decodes a chunk of actions as tokens, carries it out, and looks again.
 
     Picture and command go in as they are: nothing is detected, nothing is understood, nothing is refused.
+
+    Attributes:
+        largest_displacement: How far a chunk's actions are from the pose at its beginning, at most in the
+            training data, (joints,), scaled as the pose. The bins of a joint's displacements cover it.
     """
 
     config_class = EarlyFusionConfig
     name = "early_fusion"
     config: EarlyFusionConfig
     training_seed: Tensor
+    largest_displacement: Tensor
 
     def __init__(
         self,
@@ -70,7 +75,9 @@ class EarlyFusionPolicy(PreTrainedPolicy):
         super().__init__(config)
         config.validate_features()
         self.config = config
-        self.model = EarlyFusionModel(config, config.action_feature.shape[0])
+        n_joints = config.action_feature.shape[0]
+        self.model = EarlyFusionModel(config, n_joints)
+        self.register_buffer("largest_displacement", torch.ones(n_joints))
         # A resumed run equals an unbroken one: see `CrossmodalPolicy`.
         self.register_buffer("training_seed", torch.randint(2**31, ()))
         self._episodes: EpisodeStore | None = None
@@ -128,6 +135,9 @@ class EarlyFusionPolicy(PreTrainedPolicy):
             self.config.mode_probabilities, self._texts, names_objects=False, pseudo_names=False
         )
         read_tasks(batch)
+        if self.training and self._episodes is not None:
+            largest = self._episodes.largest_displacement(self.config.chunk_size)
+            self.largest_displacement = largest.clamp(min=SMALLEST_RANGE).to(self.largest_displacement)
         with step_randomness(self.training_seed, batch["index"], enabled=self.training) as rngs:
             samples = sampler.sample(batch, rngs)
             loss = batch[ACTION].new_zeros(len(samples.mode))
@@ -148,7 +158,8 @@ class EarlyFusionPolicy(PreTrainedPolicy):
         if mode == EXECUTE:
             images, state = batch[self.config.camera_key][rows], batch[OBS_STATE][rows]
             embedded = self.model.embed(prompts, images[:, None], state)
-            return self.model.action_loss(*embedded, batch[ACTION][rows])
+            displacements = (batch[ACTION][rows] - state[:, None]) / self.largest_displacement
+            return self.model.action_loss(*embedded, displacements)
         ends = None
         if mode == DESCRIBE:
             ends = self._ends.read(batch["episode_index"].flatten()[rows].tolist()).to(batch[ACTION].device)
@@ -180,7 +191,7 @@ class EarlyFusionPolicy(PreTrainedPolicy):
             **kwargs: Not used.
 
         Returns:
-            (batch, joints), scaled to [-1, 1].
+            (batch, joints), scaled as the state.
         """
         if not self._queue:
             self._queue.extend(self.predict_action_chunk(batch).unbind(dim=1))
@@ -196,7 +207,7 @@ class EarlyFusionPolicy(PreTrainedPolicy):
             **kwargs: Not used.
 
         Returns:
-            (batch, chunk_size, joints), scaled to [-1, 1].
+            (batch, chunk_size, joints), scaled as the state.
 
         Raises:
             ValueError: If there are other joints than in training, or a position is not finite, or a task is
@@ -205,9 +216,9 @@ class EarlyFusionPolicy(PreTrainedPolicy):
         self.eval()
         check_state(batch[OBS_STATE], self.config.action_feature.shape[0])
         prompts = [execute_prompt(task) for task in read_tasks(batch)]
-        images = batch[self.config.camera_key][:, None]
-        embedded = self.model.embed(prompts, images, batch[OBS_STATE])
-        return self.model.generate_actions(*embedded)
+        images, state = batch[self.config.camera_key][:, None], batch[OBS_STATE]
+        displacements = self.model.generate_actions(*self.model.embed(prompts, images, state))
+        return state[:, None] + displacements * self.largest_displacement
 
     @torch.no_grad()
     def describe(self, batch: dict[str, Any]) -> list[str]:

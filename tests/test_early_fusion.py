@@ -20,7 +20,7 @@ from lerobot_owlxt5 import EarlyFusionConfig, EarlyFusionPolicy
 from lerobot_owlxt5.commands.prompts import execute_prompt
 from lerobot_owlxt5.data.episode_ends import EpisodeEnds
 from lerobot_owlxt5.data.episode_frames import EpisodeFrames
-from lerobot_owlxt5.model.joint_bins import N_BINS, to_bins, to_joints
+from lerobot_owlxt5.model.joint_bins import BINS_PER_UNIT, N_BINS, ZERO_BIN, to_bins, to_values
 from policy_helpers import EYES, observe
 
 CHUNK, JOINTS = 3, 10
@@ -73,16 +73,17 @@ def record_tokens(policy: EarlyFusionPolicy, monkeypatch: pytest.MonkeyPatch) ->
 
 
 @given(st.lists(st.floats(-1, 1, width=32), min_size=1))
-def test_a_joint_comes_back_within_half_a_bin(positions: list[float]) -> None:
-    joints = torch.tensor(positions)
-    bins = to_bins(joints)
+def test_a_value_comes_back_within_half_a_bin(numbers: list[float]) -> None:
+    values = torch.tensor(numbers)
+    bins = to_bins(values)
     assert bins.min() >= 0 and bins.max() < N_BINS
-    assert (to_joints(bins) - joints).abs().max() <= 1 / N_BINS + 1e-6
-    assert torch.equal(to_bins(to_joints(bins)), bins)
+    assert (to_values(bins) - values).abs().max() <= 0.5 / BINS_PER_UNIT + 1e-6
+    assert torch.equal(to_bins(to_values(bins)), bins)
 
 
-def test_what_is_beyond_the_range_is_in_the_outermost_bin() -> None:
-    assert to_bins(torch.tensor([-7.0, -1.0, 1.0, 7.0])).tolist() == [0, 0, N_BINS - 1, N_BINS - 1]
+def test_zero_is_the_middle_of_a_bin_and_what_is_beyond_is_in_the_outermost() -> None:
+    assert to_bins(torch.tensor([-7.0, -1.0, 0.0, 1.0, 7.0])).tolist() == [0, 1, 128, 255, 255]
+    assert to_values(torch.tensor([1, 128, 255])).tolist() == [-1.0, 0.0, 1.0]
 
 
 def test_execute_emits_bins_alone_and_the_other_modes_words_alone(
@@ -90,8 +91,9 @@ def test_execute_emits_bins_alone_and_the_other_modes_words_alone(
 ) -> None:
     policy, *_ = make(dataset)
     tokens = record_tokens(policy, monkeypatch)
-    # A word would come out as a position far below the range.
-    assert policy.predict_action_chunk(observe(TASKS)).abs().max() < 1
+    # A word would come out as a displacement far below the range.
+    displacements = policy.predict_action_chunk(observe(TASKS)) - observe(TASKS)["observation.state"][:, None]
+    assert displacements.abs().max() <= N_BINS / 2 / BINS_PER_UNIT + 1e-6
     policy.describe({EYES: torch.rand(2, 4, 3, 24, 48)})
     policy.translate(["The mug is here."])
     assert len(tokens) == 2
@@ -112,7 +114,7 @@ def test_a_chunk_is_carried_out_before_the_next_look(
         policy.model, "generate_actions", lambda embeds, mask: looks.append(mask) or decode(embeds, mask)
     )
     chunk = policy.predict_action_chunk(observe(TASKS))
-    assert chunk.shape == (2, CHUNK, JOINTS) and chunk.abs().max() < 1
+    assert chunk.shape == (2, CHUNK, JOINTS)
     looks.clear()
     actions = [policy.select_action(observe(TASKS)) for _ in range(CHUNK + 1)]
     assert torch.equal(torch.stack(actions[:CHUNK], dim=1), chunk)
@@ -159,6 +161,17 @@ def test_another_robot_is_refused(dataset: LeRobotDataset) -> None:
         policy.select_action(batch)
 
 
+def test_a_robot_that_holds_does_not_creep(dataset: LeRobotDataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    policy, *_ = make(dataset)
+    policy.largest_displacement = torch.rand(JOINTS)
+    hold = to_values(torch.full((1, CHUNK, JOINTS), ZERO_BIN))
+    monkeypatch.setattr(policy.model, "generate_actions", lambda embeds, mask: hold)
+    batch = observe(["push red"])
+    batch["observation.state"][:] = torch.linspace(-1.3, 1.3, JOINTS)  # pushed beyond the range
+    for _ in range(CHUNK):
+        assert torch.equal(policy.select_action(batch), batch["observation.state"])
+
+
 # Learning ---------------------------------------------------------------------------------------------------
 
 
@@ -168,6 +181,20 @@ def test_after_an_episodes_end_the_last_action_is_held(dataset: LeRobotDataset) 
     batch = load(dataset, policy, [last])
     assert batch["action_is_pad"].tolist() == [[False] + [True] * (CHUNK - 1)]
     assert (batch["action"] == batch["action"][:, :1]).all()
+
+
+def test_the_bins_cover_the_displacements_of_the_training_data(dataset: LeRobotDataset) -> None:
+    policy, preprocess, _ = make(dataset)
+    batch = preprocess(load(dataset, policy, [*range(dataset.num_frames)]))
+    policy.eval().forward(batch)
+    assert (policy.largest_displacement == 1).all()
+    policy.train().forward(batch)
+    displacements = (batch["action"] - batch["observation.state"][:, None]) / policy.largest_displacement
+    largest = displacements.abs().amax(dim=(0, 1))
+    moves = torch.arange(JOINTS) == 1  # of the first three episodes, see `make_dataset`
+    moves[3] = True
+    assert largest[moves].tolist() == pytest.approx([1.0, 1.0])
+    assert (largest[~moves] == 0).all() and (policy.largest_displacement > 0).all()
 
 
 def test_describe_learns_from_the_first_and_the_last_frame(dataset: LeRobotDataset) -> None:
@@ -223,8 +250,8 @@ def test_it_learns_a_few_samples_by_heart(
         loss.backward()
         optimizer.step()
     if mode == "execute":
-        off = (policy.predict_action_chunk(batch) - batch["action"].clamp(-1, 1)).abs()
-        assert (off <= 1 / N_BINS + 1e-5).float().mean() > 0.95
+        off = (policy.predict_action_chunk(batch) - batch["action"]).abs() / policy.largest_displacement
+        assert (off <= 0.5 / BINS_PER_UNIT + 1e-5).float().mean() > 0.95
         assert torch.allclose(postprocess(policy.predict_action_chunk(batch)), raw["action"], atol=1.0)
     else:
         ends = EpisodeEnds(EpisodeFrames(dataset.meta), EYES, (24, 48)).read([0, 1, 2]) / 255

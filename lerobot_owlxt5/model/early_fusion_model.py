@@ -11,7 +11,7 @@ from transformers import AutoTokenizer, T5Config, T5ForConditionalGeneration
 
 from ..backbones.pretrained import EMBEDDED, find_backbone
 from ..configuration_early_fusion import EarlyFusionConfig
-from .joint_bins import N_BINS, to_bins, to_joints
+from .joint_bins import N_BINS, to_bins, to_values
 
 IGNORED = -100
 MOST_IMAGES = 2
@@ -85,18 +85,18 @@ class EarlyFusionModel(nn.Module):
         mask = nn.functional.pad(words["attention_mask"], (others, 0), value=1)
         return torch.cat([*parts, self._embed_tokens(words["input_ids"])], dim=1), mask
 
-    def action_loss(self, embeds: Tensor, mask: Tensor, actions: Tensor) -> Tensor:
+    def action_loss(self, embeds: Tensor, mask: Tensor, displacements: Tensor) -> Tensor:
         """Cross entropy of the tokens of chunks, averaged over each.
 
         Args:
             embeds: What `embed` returns, (batch, tokens, dim_model).
             mask: (batch, tokens).
-            actions: (batch, chunk_size, joints), scaled to [-1, 1].
+            displacements: (batch, chunk_size, joints), scaled to [-1, 1].
 
         Returns:
             (batch,) in nats per token.
         """
-        labels = self.n_words + to_bins(actions).flatten(1)
+        labels = self.n_words + to_bins(displacements).flatten(1)
         before = self.t5.prepare_decoder_input_ids_from_labels(labels)
         return self._loss(embeds, mask, self._embed_tokens(before) + self._next_joints(), labels)
 
@@ -115,7 +115,7 @@ class EarlyFusionModel(nn.Module):
         """Decode a chunk greedily; words cannot come out.
 
         Returns:
-            (batch, chunk_size, joints), scaled to [-1, 1].
+            Displacements (batch, chunk_size, joints), scaled to [-1, 1].
         """
         encoded = self.t5.get_encoder()(inputs_embeds=embeds, attention_mask=mask)
         tokens = [torch.full((len(embeds), 1), self.t5.config.decoder_start_token_id, device=embeds.device)]
@@ -132,7 +132,7 @@ class EarlyFusionModel(nn.Module):
             cache = output.past_key_values
             tokens.append(self.n_words + output.logits[:, :, self.n_words :].argmax(dim=-1))
         bins = torch.cat(tokens[1:], dim=1) - self.n_words
-        return to_joints(bins).unflatten(1, (self.step.num_embeddings, -1))
+        return to_values(bins).unflatten(1, (self.step.num_embeddings, -1))
 
     def generate_text(self, embeds: Tensor, mask: Tensor, max_new_tokens: int) -> list[str]:
         """Decode texts greedily; joints cannot come out."""

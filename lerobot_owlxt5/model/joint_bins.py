@@ -1,32 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joint positions as whole numbers, so that they can be tokens of a vocabulary (RT-2, section 3.2)."""
+"""Joint positions and displacements as whole numbers, so that they can be tokens (RT-2, section 3.2)."""
 
 import torch
 from torch import Tensor
 
 N_BINS = 256
 """As in RT-2. All bins are equally wide."""
+ZERO_BIN = N_BINS // 2
+"""Its middle is exactly 0, so a robot that holds does not creep (our decision)."""
+BINS_PER_UNIT = ZERO_BIN - 1
+"""So that 1 is the middle of the last bin, as in a signed byte."""
 
 
-def to_bins(joints: Tensor) -> Tensor:
-    """Which bin each position is in.
+def to_bins(values: Tensor) -> Tensor:
+    """Which bin each value is in.
 
     Args:
-        joints: (...), scaled to [-1, 1]; what is beyond is in the outermost bin.
+        values: (...), scaled to [-1, 1]; what is beyond is in the outermost bin.
 
     Returns:
         (...), int64, from 0 to `N_BINS` - 1.
     """
-    return ((joints + 1) / 2 * N_BINS).floor().clamp(0, N_BINS - 1).to(torch.int64)
+    return ((values * BINS_PER_UNIT).round() + ZERO_BIN).clamp(0, N_BINS - 1).to(torch.int64)
 
 
-def to_joints(bins: Tensor) -> Tensor:
-    """The middle of each bin, at most half a bin (1 / `N_BINS`) from all positions in it.
+def to_values(bins: Tensor) -> Tensor:
+    """The middle of each bin, at most half a bin (0.5 / `BINS_PER_UNIT`) from all values in [-1, 1] in it.
 
     Args:
         bins: (...), int64.
 
     Returns:
-        (...), float32, scaled to [-1, 1].
+        (...), float32, scaled to [-1, 1]; the first bin, which only values below -1 are in, is just beyond.
     """
-    return (bins + 0.5) / N_BINS * 2 - 1
+    return (bins - ZERO_BIN) / BINS_PER_UNIT
