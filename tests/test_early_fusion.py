@@ -20,7 +20,14 @@ from lerobot_owlxt5 import EarlyFusionConfig, EarlyFusionPolicy
 from lerobot_owlxt5.commands.prompts import execute_prompt
 from lerobot_owlxt5.data.episode_ends import EpisodeEnds
 from lerobot_owlxt5.data.episode_frames import EpisodeFrames
-from lerobot_owlxt5.model.joint_bins import BINS_PER_UNIT, N_BINS, ZERO_BIN, to_bins, to_values
+from lerobot_owlxt5.model.joint_bins import (
+    BINS_PER_UNIT,
+    N_BINS,
+    ZERO_BIN,
+    ordered_embeddings,
+    to_bins,
+    to_values,
+)
 from policy_helpers import EYES, observe
 
 CHUNK, JOINTS = 3, 10
@@ -84,6 +91,16 @@ def test_a_value_comes_back_within_half_a_bin(numbers: list[float]) -> None:
 def test_zero_is_the_middle_of_a_bin_and_what_is_beyond_is_in_the_outermost() -> None:
     assert to_bins(torch.tensor([-7.0, -1.0, 0.0, 1.0, 7.0])).tolist() == [0, 1, 128, 255, 255]
     assert to_values(torch.tensor([1, 128, 255])).tolist() == [-1.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize("width", [31, 128])
+def test_a_bin_is_most_like_its_neighbours_to_begin_with(width: int) -> None:
+    embeddings = ordered_embeddings(width)
+    assert embeddings.shape == (N_BINS, width)
+    assert embeddings.square().mean().item() == pytest.approx(1.0, abs=0.05)
+    distances = torch.cdist(embeddings, embeddings)
+    distances.fill_diagonal_(torch.inf)
+    assert ((distances.argmin(dim=1) - torch.arange(N_BINS)).abs() == 1).all()
 
 
 def test_execute_emits_bins_alone_and_the_other_modes_words_alone(

@@ -222,7 +222,8 @@ class EpisodeStore:
         mean_pose = first_poses.mean(axis=0, dtype=np.float64)
         tolerance = start_tolerance(first_poses, high - low)
         return _Trajectories(
-            *(torch.from_numpy(np.concatenate(each).astype(np.float32)) for each in (actions, states)),
+            torch.from_numpy(np.concatenate(actions).astype(np.float32)),
+            torch.from_numpy(np.concatenate(states).astype(np.float32)),
             row,
             length.cumsum(dim=0) - length,
             length,

@@ -11,7 +11,7 @@ from transformers import AutoTokenizer, T5Config, T5ForConditionalGeneration
 
 from ..backbones.pretrained import EMBEDDED, find_backbone
 from ..configuration_early_fusion import EarlyFusionConfig
-from .joint_bins import N_BINS, to_bins, to_values
+from .joint_bins import N_BINS, ordered_embeddings, to_bins, to_values
 
 IGNORED = -100
 MOST_IMAGES = 2
@@ -19,7 +19,7 @@ MOST_IMAGES = 2
 
 
 class EarlyFusionModel(nn.Module):
-    """A T5 with random weights, whose vocabulary is extended by one token for each joint bin.
+    """A T5 with random weights, whose vocabulary is extended by one token for each bin.
 
     The encoder reads image patches with learnt places, then the joints as bin tokens, then the prompt. RT-2
     has no joints (our decision). The prompt comes last, so that padding is at the end and a sample does not
@@ -54,6 +54,8 @@ class EarlyFusionModel(nn.Module):
             "decoder_start_token_id": self.tokenizer.pad_token_id,
         }
         self.t5: Any = T5ForConditionalGeneration(T5Config(**sizes))
+        with torch.no_grad():
+            self.t5.get_input_embeddings().weight[self.n_words :] = ordered_embeddings(width)
         self.patches = nn.Conv2d(3, width, config.patch_size, stride=config.patch_size)
         self.patch_norm = nn.LayerNorm(width)
         rows, columns = (side // config.patch_size for side in config.image_size)

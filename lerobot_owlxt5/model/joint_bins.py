@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint positions and displacements as whole numbers, so that they can be tokens (RT-2, section 3.2)."""
 
+import math
+
 import torch
 from torch import Tensor
 
@@ -34,3 +36,18 @@ def to_values(bins: Tensor) -> Tensor:
         (...), float32, scaled to [-1, 1]; the first bin, which only values below -1 are in, is just beyond.
     """
     return (bins - ZERO_BIN) / BINS_PER_UNIT
+
+
+def ordered_embeddings(width: int) -> Tensor:
+    """Embeddings in which near bins are alike, to begin with (our decision; RT-2's numbers are pre-trained).
+
+    Sines and cosines of the bin's number, like those of positions in a Transformer (Vaswani et al., 2017),
+    from half a wave over all bins to one over four.
+
+    Returns:
+        (`N_BINS`, width), with the size that T5's embeddings have: a mean square of 1.
+    """
+    slowest, quickest = math.pi / N_BINS, math.pi / 2
+    frequencies = torch.logspace(math.log10(slowest), math.log10(quickest), math.ceil(width / 2))
+    angles = torch.arange(N_BINS)[:, None] * frequencies
+    return math.sqrt(2) * torch.cat([angles.sin(), angles.cos()], dim=1)[:, :width]
