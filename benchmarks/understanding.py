@@ -6,13 +6,14 @@ A clear wish is right; right in part, if nothing is wrong but something is missi
 or asked back; or wrong. What is to be held, answered or asked back is right; held for another reason (in
 part); not held or asked as it should be, but nothing moves (refused, asked back); or carried out. Prints
 the table for each kind of sentence, and for English and German; rates with Wilson's 95 % intervals; and the
-time a sentence.
+time a sentence. `--objects=claeo` takes the sentences of the protocol CLAEO-Plus about these objects instead.
 """
 
 import time
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
+from itertools import cycle
 from pathlib import Path
 
 import draccus
@@ -32,6 +33,9 @@ from lerobot_owlxt5.commands.answer import (
     format_answer,
     parse_answer,
 )
+from lerobot_owlxt5.commands.colours import split_colour
+from nico_tabletop.frames import PARAPHRASES, SYNONYMS
+from nico_tabletop.objects import read_objects
 from owlxt5_backbones.understanding_lessons import HELD_OUT
 
 OUTCOMES = ("right", "in part", "refused", "asked back", "wrong", "carried out")
@@ -47,11 +51,13 @@ class UnderstandingConfig:
     Args:
         understanding: `embedded`, or the folder or Hub id of a T5.
         sentences: A file like `held_out_sentences_2.tsv`, whose author had seen no lesson.
+        objects: A set of objects: take the synonyms and paraphrases of CLAEO-Plus about them, not the file.
         mistakes: Print what was not understood rightly.
     """
 
     understanding: str = EMBEDDED
     sentences: Path = SENTENCES[1]
+    objects: str | None = None
     mistakes: bool = True
 
 
@@ -85,6 +91,19 @@ def read_sentences(path: Path) -> list[Sentence]:
         Sentence(kind, language, text, tuple(parse_answer(answer) for answer in answers.split(" / ")))
         for kind, language, text, answers in rows
     ]
+
+
+def protocol_sentences(objects: str) -> Iterator[Sentence]:
+    """The sentences of CLAEO-Plus, each about one of a set's objects in turn."""
+    phrases = cycle(item.phrase() for item in read_objects(objects))
+    for kind, frames in {"synonyms": SYNONYMS, **PARAPHRASES}.items():
+        for verb, sentences in frames.items():
+            for sentence in sentences:
+                phrase = next(phrases)
+                colour, name = split_colour(phrase)
+                targets = (Target(phrase), Target(name, colour)) if name else (Target(phrase),)
+                answers = tuple(Request((Action(verb, target),)) for target in targets)
+                yield Sentence(kind, "en", sentence.format(phrase), answers)
 
 
 def judge(right: Answer, given: Answer) -> str:
@@ -132,7 +151,8 @@ def _table(title: str, counts: dict[str, Counter[str]], rated: tuple[str, ...] =
     for heading in ("sentences", "n", *(rated or OUTCOMES)):
         table.add_column(heading, justify="left" if heading == "sentences" else "right")
     for name, outcomes in counts.items():
-        total = outcomes.total()
+        if not (total := outcomes.total()):
+            continue
         shown = (rate(outcomes[o], total) if rated else str(outcomes[o] or "") for o in rated or OUTCOMES)
         table.add_row(name, str(total), *shown)
     return table
@@ -146,7 +166,8 @@ def main(config: UnderstandingConfig) -> None:
     kinds: dict[str, Counter[str]] = {}
     groups = {f"{group}, {language}": Counter[str]() for group in GROUPS for language in ("all", "en", "de")}
     seconds, console = [], Console(width=140)
-    for sentence in read_sentences(config.sentences):
+    chosen = protocol_sentences(config.objects) if config.objects else read_sentences(config.sentences)
+    for sentence in chosen:
         began = time.perf_counter()
         understood = understand(sentence.text)
         seconds.append(time.perf_counter() - began)

@@ -79,16 +79,16 @@ class TabletopSimulation:
             raise ValueError(
                 f"an arrangement is three different objects out of {known}; got {list(arrangement)}"
             )
-        if len(poses) != len(SLOTS):
-            raise ValueError(f"each of the three objects needs a pose; got {len(poses)} poses")
+        conditions = conditions or Conditions()
+        shifted = conditions.shifted(poses)
         further = [name for name, _ in distractors]
         is_distinct = len({*arrangement, *further}) == len(SLOTS) + len(further)
         if not (is_distinct and set(further) <= set(self.objects)):
             raise ValueError(f"distractors are further objects of the set, each once; got {further}")
         self.arrangement, self.distractors = tuple(arrangement), tuple(distractors)
-        self.conditions = Conditions() if conditions is None else conditions
-        self._look.change(self.conditions)
-        places = dict(zip(arrangement, self.conditions.shifted(poses), strict=True)) | dict(self.distractors)
+        self.conditions = conditions
+        self._look.change(conditions)
+        places = dict(zip(arrangement, shifted, strict=True)) | dict(self.distractors)
         mujoco.mj_resetData(self.model, self.data)
         for index, name in enumerate(self.objects):
             place = resting_place(places[name]) if name in places else parking_place(index)

@@ -87,7 +87,13 @@ class Conditions:
         return np.clip(pose, np.minimum(low, INITIAL_POSE_DEG), np.maximum(high, INITIAL_POSE_DEG))
 
     def shifted(self, poses: Sequence[Pose]) -> Poses:
-        """Where objects stand that were placed at `poses`."""
+        """Where objects stand that were placed at `poses`.
+
+        Raises:
+            ValueError: If there are not three.
+        """
+        if len(poses) != len(self.shift_cm):
+            raise ValueError(f"each of the three objects needs a pose; got {len(poses)} poses")
         left, middle, right = (
             Pose(pose.x + x / 100, pose.y + y / 100, pose.yaw)
             for pose, (x, y) in zip(poses, self.shift_cm, strict=True)
