@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from .configuration_crosst5 import CrossT5Config
 from .configuration_crosst5_autoencoder import CrossT5AutoencoderConfig
+from .configuration_early_fusion import EarlyFusionConfig
 from .configuration_motion_library import MotionLibraryConfig
 from .configuration_owlxt5 import OWLxT5Config
 
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from .data.windows import finished_episode
     from .modeling_crosst5 import CrossT5Policy
     from .modeling_crosst5_autoencoder import CrossT5AutoencoderPolicy
+    from .modeling_early_fusion import EarlyFusionPolicy
     from .modeling_motion_library import MotionLibraryPolicy
     from .modeling_owlxt5 import OWLxT5Policy
 
@@ -20,6 +22,8 @@ __all__ = [
     "CrossT5AutoencoderPolicy",
     "CrossT5Config",
     "CrossT5Policy",
+    "EarlyFusionConfig",
+    "EarlyFusionPolicy",
     "MotionLibraryConfig",
     "MotionLibraryPolicy",
     "OWLxT5Config",
@@ -31,6 +35,7 @@ __all__ = [
 _LAZY = {
     "CrossT5AutoencoderPolicy": "modeling_crosst5_autoencoder",
     "CrossT5Policy": "modeling_crosst5",
+    "EarlyFusionPolicy": "modeling_early_fusion",
     "MotionLibraryPolicy": "modeling_motion_library",
     "OWLxT5Policy": "modeling_owlxt5",
     "finished_episode": "data.windows",

@@ -12,6 +12,7 @@ from lerobot.utils.constants import ACTION, OBS_STATE
 from .backbones.pretrained import EMBEDDED
 from .camera import choose_camera
 from .commands.prompts import MODES
+from .joint_features import check_joint_features
 
 CORE_VERSION = 2
 """What the core's parameters mean. Version 1, which no configuration names, had no ReLU and norm on keys."""
@@ -149,19 +150,7 @@ class CrossmodalConfig(PreTrainedConfig):
             ValueError: If the camera, the state or the action is missing, or state and action differ in size.
         """
         inputs: dict[str, PolicyFeature] = self.input_features or {}  # type: ignore[has-type]
-        state, action = self.robot_state_feature, self.action_feature
-        if state is None or action is None:
-            missing = OBS_STATE if state is None else ACTION
-            raise ValueError(
-                f"{self.type} needs the feature '{missing}', which the dataset lacks. It has the inputs "
-                f"{sorted(inputs)} and the outputs {sorted(self.output_features or {})}."
-            )
-        if state.shape != action.shape:
-            raise ValueError(
-                f"{self.type} commands joint positions, so '{OBS_STATE}' {state.shape} and '{ACTION}' "
-                f"{action.shape} must be of one size. Choose a dataset whose action is the next position of "
-                "the same joints, and for a checkpoint one of the same robot."
-            )
+        check_joint_features(self)
         cameras = [key for key, feature in inputs.items() if feature.type is FeatureType.VISUAL]
         seen = [] if self.can_be_blind and not cameras else [choose_camera(cameras, self.camera, self.type)]
         self.input_features = {key: inputs[key] for key in (*seen, OBS_STATE)}

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which mode each sample of a training batch is in, what goes in as text and what should come out."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from .commands.prompts import (
     DESCRIBE,
     MODES,
     REPEAT_LANGUAGE,
+    TRANSLATE,
     describe_prompt,
     execute_prompt,
     repeat_action_prompt,
@@ -32,7 +34,8 @@ class ModeBatch(NamedTuple):
     Attributes:
         mode: (batch,) int64, indices into `MODES`.
         prompts: Text that goes in.
-        targets: Text that should come out; not used in translate.
+        targets: Text that should come out. In translate that is the German sentence, or "" where the dataset
+            has none; the mixed loss does not use it.
     """
 
     mode: Tensor
@@ -107,7 +110,10 @@ class ModeSampler:
                     repeat_language_prompt(wording),
                 )[drawn]
             )
-            targets.append(spoken({DESCRIBE: task, REPEAT_LANGUAGE: wording}.get(drawn, "")))
+            if drawn == TRANSLATE:
+                targets.append(texts[sample].translation or "")
+            else:
+                targets.append(spoken({DESCRIBE: task, REPEAT_LANGUAGE: wording}.get(drawn, "")))
         return ModeBatch(mode, prompts, targets)
 
 
@@ -119,6 +125,33 @@ def sample_rngs(seed: int, index: Tensor) -> list[np.random.Generator]:
         index: Of the frames in the dataset.
     """
     return [np.random.default_rng([seed, frame]) for frame in index.flatten().tolist()]
+
+
+@contextmanager
+def step_randomness(
+    training_seed: Tensor, index: Tensor, *, enabled: bool
+) -> Iterator[list[np.random.Generator] | None]:
+    """Random numbers of one training step, which depend on the seed and its frames alone.
+
+    Within it PyTorch's generator, which draws dropout, has a seed of its own; after it, nobody notices. The
+    seed is that of the first sample, as the parts of a batch on several GPUs are to differ.
+
+    Args:
+        training_seed: (), int64, part of a checkpoint; counts the steps.
+        index: Of the frames in the dataset, on the device that computes.
+        enabled: If not, as in an evaluation, nothing of this happens.
+
+    Yields:
+        Each sample's own random numbers, or None.
+    """
+    if not enabled:
+        yield None
+        return
+    training_seed += 1
+    with torch.random.fork_rng([index.device] if index.device.type == "cuda" else []):
+        [rng] = sample_rngs(int(training_seed), index.flatten()[:1])
+        torch.manual_seed(int(rng.integers(2**63)))
+        yield sample_rngs(int(training_seed), index)
 
 
 def draw_modes(probabilities: Tensor, uniform: Tensor) -> Tensor:

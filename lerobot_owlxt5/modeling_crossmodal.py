@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Self
 
 import torch
 from lerobot.configs import PreTrainedConfig
-from lerobot.utils.constants import ACTION
 from torch import Tensor, nn
 
 from .backbones.pretrained import EMBEDDED, check_backbones
@@ -19,7 +18,7 @@ from .data.normalization import share_joint_range
 from .data.windows import first_pose, recorded_joints, still
 from .executing_policy import ExecutingPolicy
 from .losses import mixed_loss, reduce_loss
-from .mode_sampling import ModeSampler, sample_rngs
+from .mode_sampling import ModeSampler, step_randomness
 from .model.crossmodal_model import CrossmodalModel
 from .validation import check_finite_loss, read_tasks
 
@@ -138,16 +137,8 @@ class CrossmodalPolicy(ExecutingPolicy):
             # A T5 that is neither small nor trained along knows names from its own training.
             pseudo_names=self.config.train_language_model or self.config.language_model == EMBEDDED,
         )
-        device = batch[ACTION].device
-        with torch.random.fork_rng([device] if device.type == "cuda" else [], enabled=self.training):
-            rngs = None
+        with step_randomness(self.training_seed, batch["index"], enabled=self.training) as rngs:
             if self.training:
-                self.training_seed += 1
-                seed = int(self.training_seed)
-                # For dropout; by the first sample, as the parts of a batch on several GPUs are to differ.
-                [rng] = sample_rngs(seed, batch["index"].flatten()[:1])
-                torch.manual_seed(int(rng.integers(2**63)))
-                rngs = sample_rngs(seed, batch["index"])
                 self.rest_pose = self.episodes.initial_pose.to(self.rest_pose)
                 self.rest_tolerance = self.episodes.initial_tolerance.to(self.rest_tolerance)
             actions, length = self.episodes.actions(batch, self.config.max_episode_steps)

@@ -212,6 +212,8 @@ def test_prompts_and_targets_of_a_mode(dataset: LeRobotDataset, mode: str) -> No
                 assert target == task
             case "repeat_language":
                 assert prompt == f"repeat language: {target}" and f"execute: {target}" in accepted
+            case "translate":
+                assert target == f"Die Kommission trat {episode} Mal zusammen."
             case _:
                 assert target == ""
 

@@ -13,6 +13,7 @@ from lerobot.configs.eval import EvalPipelineConfig
 from lerobot.configs.train import TrainPipelineConfig
 from lerobot.datasets import LeRobotDataset
 from lerobot.optim import CosineDecayWithWarmupSchedulerConfig
+from lerobot.policies.act.configuration_act import ACTConfig
 from lerobot.policies.factory import make_pre_post_processors
 from lerobot.rollout import EpisodicStrategyConfig, RolloutConfig
 from lerobot.scripts.lerobot_replay import ReplayConfig
@@ -20,6 +21,7 @@ from PIL import Image
 
 from clant_claeo.cli import DatasetConfig
 from lerobot_owlxt5.configuration_crosst5 import CrossT5Config
+from lerobot_owlxt5.configuration_early_fusion import EarlyFusionConfig
 from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
 from lerobot_owlxt5.evaluation.cli import EvaluateConfig
 from nico_tabletop.config_nico_sim import NicoSimConfig
@@ -39,7 +41,7 @@ COMMANDS = {
     "lerobot-replay": ReplayConfig,
 }
 CHOICES = {
-    "policy": (OWLxT5Config, CrossT5Config),
+    "policy": (OWLxT5Config, CrossT5Config, EarlyFusionConfig, ACTConfig),
     "env": (ClaeoEnvConfig,),
     "robot": (NicoSimConfig,),
     "strategy": (EpisodicStrategyConfig,),

@@ -51,9 +51,13 @@ class EpisodeTexts:
 
 @dataclass(frozen=True)
 class _Trajectories:
-    """All actions one after the other, scaled; the rest by position of the episode, but for the mean pose."""
+    """All actions and states one after the other, scaled; the rest by position of the episode.
+
+    But the mean pose and its tolerance are of all episodes.
+    """
 
     actions: Tensor
+    states: Tensor
     row: dict[int, int]
     first: Tensor
     length: Tensor
@@ -73,6 +77,7 @@ class EpisodeStore:
         self._meta = meta
         self.frames = EpisodeFrames(meta)
         self._mean_lengths: dict[int, float] = {}
+        self._largest_displacements: dict[int, Tensor] = {}
 
     def __len__(self) -> int:
         """Episodes of the dataset, those whose files are not on this machine too."""
@@ -148,6 +153,23 @@ class EpisodeStore:
         """How far from their mean a plan may begin, (joints,), scaled: their largest distance, and `NEAR`."""
         return self._trajectories.initial_tolerance
 
+    def largest_displacement(self, steps: int) -> Tensor:
+        """How far the next actions are from a step's pose, at most, (joints,), scaled.
+
+        Args:
+            steps: Length of the chunks of actions; after an episode's end the last one is held.
+        """
+        if steps not in self._largest_displacements:
+            stored = self._trajectories
+            frame = torch.arange(len(stored.actions))
+            last = (stored.first + stored.length - 1).repeat_interleave(stored.length)
+            distances = [
+                (stored.actions[torch.minimum(frame + step, last)] - stored.states).abs().amax(dim=0)
+                for step in range(steps)
+            ]
+            self._largest_displacements[steps] = torch.stack(distances).amax(dim=0)
+        return self._largest_displacements[steps]
+
     @cached_property
     def texts(self) -> dict[int, EpisodeTexts]:
         """Texts by episode index; empty for a dataset without language columns.
@@ -180,11 +202,12 @@ class EpisodeStore:
         low, high = (np.asarray(stats[end], dtype=np.float32) for end in ("min", "max"))
         row: dict[int, int] = {}
         actions: list[np.ndarray] = []
+        states: list[np.ndarray] = []
         poses: list[np.ndarray] = []
         lengths: list[int] = []
         for table in self._tables("episode_index", ACTION, OBS_STATE):
             episode = table["episode_index"].to_numpy()
-            scaled, states = (
+            scaled, scaled_states = (
                 2 * (np.stack(table[key].to_numpy()) - low) / (high - low) - 1 for key in (ACTION, OBS_STATE)
             )
             first = np.flatnonzero(np.diff(episode, prepend=-1))
@@ -192,13 +215,15 @@ class EpisodeStore:
                 row[int(episode[start])] = len(lengths)
                 lengths.append(int(end - start))
             actions.append(scaled)
-            poses.append(states[first])
+            states.append(scaled_states)
+            poses.append(scaled_states[first])
         length = torch.tensor(lengths)
         first_poses = np.concatenate(poses)
         mean_pose = first_poses.mean(axis=0, dtype=np.float64)
         tolerance = start_tolerance(first_poses, high - low)
         return _Trajectories(
             torch.from_numpy(np.concatenate(actions).astype(np.float32)),
+            torch.from_numpy(np.concatenate(states).astype(np.float32)),
             row,
             length.cumsum(dim=0) - length,
             length,

@@ -55,8 +55,8 @@ def _load(path: Path) -> tuple[ExecutingPolicy, Processors]:
         ) from None
     if not issubclass(get_policy_class(config.type), ExecutingPolicy):
         raise ValueError(
-            f"--policy.path={path} holds the policy '{config.type}', which does not do what it is told; "
-            "owlxt5, crosst5 and motion_library do"
+            f"--policy.path={path} holds the policy '{config.type}', which cannot hold a conversation; "
+            "owlxt5, crosst5 and motion_library can"
         )
     policy, *processors = load_checkpoint(config)
     return policy, (processors[0], processors[1])
