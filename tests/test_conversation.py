@@ -4,16 +4,20 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
+import torch
 from lerobot.lerobot_types import RobotAction
 
 from lerobot_owlxt5.backbones.understanding import Understood
 from lerobot_owlxt5.commands.answer import REASONS, Action, Hold, Request, Target
 from lerobot_owlxt5.conversation.conversation import ONCE_MORE
+from lerobot_owlxt5.conversation.expressions import Expressions
 from lerobot_owlxt5.conversation.lines import MOST_LINES
 from lerobot_owlxt5.conversation.questions import Question, read_question
 from lerobot_owlxt5.conversation.rules import plan_by_rules
 from lerobot_owlxt5.conversation.steps import Do, GoHome, Open, Say, Situation, Stop
+from lerobot_owlxt5.scene import Thing
 from stage import Play, Scene, Stage, Turn, make_stage, read_play
 
 PLAYS = [read_play(path) for path in sorted((Path(__file__).parent / "plays").glob("*.txt"))]
@@ -97,6 +101,44 @@ def test_a_question_says_what_it_speaks_of(three: Stage) -> None:
     assert talk.looking_at is not None and talk.looking_at.name == "ball"
     assert [thing.name for thing in talk.things] == ["mug", "ball", "can"]
     assert three.robot.looks == 1 and three.robot.actions == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "expressed"),
+    [
+        ("where is the mug?", ["look left"]),
+        ("is there a can?", ["look right", "nod"]),
+        ("is there a vase?", ["shake"]),
+        ("what do you see?", []),
+        ("fly to the moon", ["shake"]),
+        ("don't push the mug", []),
+        ("push the mug", ["look left", "nod"]),
+    ],
+)
+def test_the_head_says_it_too(three: Stage, words: str, expressed: list[str]) -> None:
+    three.say(Turn(words, wait=1))
+    assert three.robot.expressed == expressed
+    for _ in range(20):
+        three.conversation.tick()
+    assert three.robot.expressed == expressed
+    yaw, _ = three.simulation.head_deg  # to the left
+    assert np.sign(yaw) == ("look left" in expressed) - ("look right" in expressed)
+
+
+def test_who_spoke_of_a_thing_looks_ahead_again(three: Stage) -> None:
+    for words in ("where is the mug?", "what do you see?", "how many things are there?"):
+        three.conversation.hear(words)
+    assert three.robot.expressed == ["look left", "look ahead"]
+
+
+def test_a_robot_that_expresses_nothing_is_used_as_before() -> None:
+    class Plain:
+        """Has no head."""
+
+    expressions = Expressions(Plain())  # type: ignore[arg-type]
+    expressions.look_at(Thing("mug", torch.tensor([0.1, 0.1, 0.2, 0.2])))
+    expressions.say("Yes.")
+    expressions.go_on()
 
 
 def test_only_the_last_lines_are_kept(three: Stage) -> None:
