@@ -159,7 +159,7 @@ def test_the_head_turns_to_a_place_in_the_image(
 
 
 def test_the_head_points_at_what_the_camera_sees_there(robot: NicoSim) -> None:
-    # The mast of the camera turned by the head's two angles: its ray through the place is the head's middle.
+    # The ray from the camera through a place of its image, in the world.
     camera = robot.simulation.model.camera(EYES)
     ray = robot.simulation.data.camera(EYES).xmat.reshape(3, 3) @ [
         (2 * 0.2 - 1) * np.tan(np.deg2rad(camera.fovy[0]) / 2) * WIDTH / HEIGHT,

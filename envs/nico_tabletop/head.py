@@ -26,7 +26,7 @@ _SWING = (np.sin(2 * np.pi * _TIMES) * np.sin(np.pi * _TIMES) / 0.77)[:-1]  # at
 
 
 class Head:
-    """A head's expressions, one after another; nod and shake go on while it turns.
+    """A head that turns somewhere, and nods or shakes meanwhile; the last of each counts.
 
     Poses are two angles, degrees from the middle, where the eyes' camera looks: to the left, and down.
     """
