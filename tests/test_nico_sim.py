@@ -32,6 +32,7 @@ from nico_tabletop.robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, NICO_XML, j
 from nico_tabletop.scene import SPECTATOR
 from nico_tabletop.simulation import JointTargetError
 from nico_tabletop.tasks import ACTIONS, SLOTS, Action
+from nico_tabletop.variation import Conditions
 
 HEIGHT, WIDTH = 48, 64
 
@@ -116,7 +117,11 @@ def express(robot: NicoSim) -> np.ndarray:
     return np.array(poses)
 
 
-def test_a_turned_head_is_seen_from_outside_alone(robot: NicoSim) -> None:
+@pytest.mark.parametrize("back_cm", [0, 5])
+def test_a_turned_head_is_seen_from_outside_alone(robot: NicoSim, back_cm: float) -> None:
+    # A camera 5 cm farther back would see the head, if it were turned for it.
+    robot.simulation.reset(("red", "green", "blue"), conditions=Conditions(camera_cm=(0, 0, back_cm)))
+
     def images(camera: str) -> np.ndarray:
         return robot.simulation.render(camera, 240, 320)
 

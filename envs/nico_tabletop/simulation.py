@@ -171,7 +171,7 @@ class TabletopSimulation:
         """
         renderer = self._renderer(height, width)
         renderer.update_scene(self.data, camera)
-        # A turned head could throw a shadow into the eyes' image.
+        # The eyes' image shows no turned head and none of its shadow: it stays as the policies know it.
         if camera != EYES and self.head_deg.any():
             self._drawn_head.turn(renderer.scene, self.data, self.head_deg)
         image = renderer.render()
