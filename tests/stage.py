@@ -100,10 +100,14 @@ def read_play(path: Path) -> Play:
 
 
 class Watched(NicoSim):
-    """The simulated robot, with a count of its images and actions."""
+    """The simulated robot, with a count of its images and actions, and a list of what its head expressed."""
 
     looks = 0
     actions = 0
+
+    def __init__(self, config: NicoSimConfig) -> None:
+        super().__init__(config)
+        self.expressed: list[str] = []
 
     def get_observation(self) -> RobotObservation:
         self.looks += 1
@@ -112,6 +116,18 @@ class Watched(NicoSim):
     def send_action(self, action: RobotAction) -> RobotAction:
         self.actions += 1
         return super().send_action(action)
+
+    def look_at(self, x: float, y: float) -> None:
+        self.expressed.append("look left" if x < 0.4 else "look right" if x > 0.6 else "look ahead")
+        super().look_at(x, y)
+
+    def nod(self) -> None:
+        self.expressed.append("nod")
+        super().nod()
+
+    def shake(self) -> None:
+        self.expressed.append("shake")
+        super().shake()
 
 
 class Stage:

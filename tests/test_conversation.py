@@ -4,17 +4,24 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
+import torch
 from lerobot.lerobot_types import RobotAction
 
 from lerobot_owlxt5.backbones.understanding import Understood
 from lerobot_owlxt5.commands.answer import REASONS, Action, Hold, Request, Target
+from lerobot_owlxt5.commands.replies import HOLDS
 from lerobot_owlxt5.conversation.conversation import ONCE_MORE
+from lerobot_owlxt5.conversation.expressions import Expressions
 from lerobot_owlxt5.conversation.lines import MOST_LINES
 from lerobot_owlxt5.conversation.questions import Question, read_question
 from lerobot_owlxt5.conversation.rules import plan_by_rules
+from lerobot_owlxt5.conversation.showing import WATCHING
 from lerobot_owlxt5.conversation.steps import Do, GoHome, Open, Say, Situation, Stop
-from stage import Play, Scene, Stage, Turn, make_stage, read_play
+from lerobot_owlxt5.scene import Thing
+from nico_tabletop.config_nico_sim import NicoSimConfig
+from stage import Play, Scene, Stage, Turn, Watched, make_stage, read_play
 
 PLAYS = [read_play(path) for path in sorted((Path(__file__).parent / "plays").glob("*.txt"))]
 THREE = Scene("claeo", ["mug", "ball", "can"])
@@ -97,6 +104,61 @@ def test_a_question_says_what_it_speaks_of(three: Stage) -> None:
     assert talk.looking_at is not None and talk.looking_at.name == "ball"
     assert [thing.name for thing in talk.things] == ["mug", "ball", "can"]
     assert three.robot.looks == 1 and three.robot.actions == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "expressed"),
+    [
+        ("where is the mug?", ["look left"]),
+        ("is there a can?", ["look right", "nod"]),
+        ("fly to the moon", ["shake"]),
+        ("push the mug", ["look left", "nod"]),
+    ],
+)
+def test_the_head_says_it_too(three: Stage, words: str, expressed: list[str]) -> None:
+    three.say(Turn(words, wait=1))
+    assert three.robot.expressed == expressed
+    for _ in range(20):
+        three.conversation.tick()
+    assert three.robot.expressed == expressed
+    yaw, _ = three.simulation.head_deg  # to the left
+    assert np.sign(yaw) == ("look left" in expressed) - ("look right" in expressed)
+
+
+def test_who_spoke_of_a_thing_looks_ahead_again(three: Stage) -> None:
+    for words in ("where is the mug?", "what do you see?"):
+        three.conversation.hear(words)
+    assert three.robot.expressed == ["look left", "look ahead"]
+
+
+@pytest.mark.parametrize(
+    ("text", "expressed"),
+    [
+        ("Yes. I pushed the mug.", ["nod"]),
+        ("I will push the mug.", ["nod"]),
+        ("I move my arms back first.", ["nod"]),
+        (WATCHING, ["nod"]),
+        ("No, I see no vase. I see a mug.", ["shake"]),
+        ("I cannot see a vase. I see a mug.", ["shake"]),
+        (HOLDS["beyond"], ["shake"]),
+        (HOLDS["forbidden"], []),  # it does as it was told
+        (HOLDS["not_now"], []),
+        ("I pushed the mug.", []),
+        ("Nothing moved.", []),
+        ("Should I push the mug?", []),
+    ],
+)
+def test_what_is_said_makes_it_nod_or_shake_its_head(text: str, expressed: list[str]) -> None:
+    robot = Watched(NicoSimConfig())
+    Expressions(robot).say(text)
+    assert robot.expressed == expressed
+
+
+def test_a_robot_that_expresses_nothing_is_used_as_before() -> None:
+    expressions = Expressions(object())  # type: ignore[arg-type]
+    expressions.look_at(Thing("mug", torch.tensor([0.1, 0.1, 0.2, 0.2])))
+    expressions.say("Yes.")
+    expressions.go_on()
 
 
 def test_only_the_last_lines_are_kept(three: Stage) -> None:

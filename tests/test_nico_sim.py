@@ -24,11 +24,15 @@ from commands import run
 from nico_tabletop.config_nico_sim import NicoSimConfig
 from nico_tabletop.drawing import DrawingError
 from nico_tabletop.env import TabletopEnv
+from nico_tabletop.head import pose_towards
+from nico_tabletop.nico_mjcf import HEAD_PITCH_DEG
 from nico_tabletop.nico_sim import IDLE_OBSERVATIONS, NicoSim
 from nico_tabletop.placement import SLOT_POSES
-from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
+from nico_tabletop.robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, NICO_XML, joint_limits_deg
+from nico_tabletop.scene import SPECTATOR
 from nico_tabletop.simulation import JointTargetError
 from nico_tabletop.tasks import ACTIONS, SLOTS, Action
+from nico_tabletop.variation import Conditions
 
 HEIGHT, WIDTH = 48, 64
 
@@ -104,11 +108,110 @@ def test_an_action_for_other_joints_is_refused(robot: NicoSim) -> None:
         robot.send_action(action)
 
 
+def express(robot: NicoSim) -> np.ndarray:
+    """How the head moves in 1.2 s: poses (12, 2), degrees to the left and down."""
+    poses = []
+    for _ in range(12):
+        robot.express()
+        poses.append(robot.simulation.head_deg)
+    return np.array(poses)
+
+
+@pytest.mark.parametrize("back_cm", [0, 5])
+def test_a_turned_head_is_seen_from_outside_alone(robot: NicoSim, back_cm: float) -> None:
+    # A camera 5 cm farther back would see the head, if it were turned for it.
+    robot.simulation.reset(("red", "green", "blue"), conditions=Conditions(camera_cm=(0, 0, back_cm)))
+
+    def images(camera: str) -> np.ndarray:
+        return robot.simulation.render(camera, 240, 320)
+
+    eyes, outside = images(EYES), images(SPECTATOR)
+    state = robot.simulation.data.qpos.copy()
+    robot.look_at(0.1, 0.9)
+    robot.nod()
+    express(robot)
+    assert (images(EYES) == eyes).all()
+    assert (robot.simulation.data.qpos == state).all() and robot.simulation.data.time == 0
+    assert 100 < (images(SPECTATOR) != outside).any(axis=2).sum() < 10_000  # the head, not the whole image
+    robot.look_at(0.5, 0.5)
+    express(robot)
+    assert (images(SPECTATOR) == outside).all()
+
+
+@pytest.mark.parametrize(("expression", "axis"), [("shake", 0), ("nod", 1)])
+def test_the_head_goes_both_ways_and_ends_in_the_middle(robot: NicoSim, expression: str, axis: int) -> None:
+    getattr(robot, expression)()
+    poses = express(robot)
+    assert poses[:, axis].max() > 10 and poses[:, axis].min() < -10
+    assert not poses[:, 1 - axis].any() and not poses[9:].any()
+    assert np.abs(np.diff(poses, axis=0)).max() < 15  # 150 degrees a second
+
+
+@pytest.mark.parametrize(
+    ("place", "signs"),
+    [((0.1, 0.5), (1, 0)), ((0.9, 0.5), (-1, 0)), ((0.5, 0.1), (0, -1)), ((0.5, 0.9), (0, 1))],
+)
+def test_the_head_turns_to_a_place_in_the_image(
+    robot: NicoSim, place: tuple[float, float], signs: tuple[int, int]
+) -> None:
+    robot.look_at(*place)
+    poses = express(robot)
+    towards = np.array(signs) != 0
+    assert (np.sign(poses[:, towards]) == np.array(signs)[towards]).all()
+    assert (np.abs(poses[-1, towards]) > 10).all() and (poses[9:] == poses[-1]).all()
+    robot.look_at(0.5, 0.5)
+    assert express(robot)[-1] == pytest.approx([0, 0], abs=1e-9)
+
+
+def test_the_head_points_at_what_the_camera_sees_there(robot: NicoSim) -> None:
+    # The ray from the camera through a place of its image, in the world.
+    camera = robot.simulation.model.camera(EYES)
+    ray = robot.simulation.data.camera(EYES).xmat.reshape(3, 3) @ [
+        (2 * 0.2 - 1) * np.tan(np.deg2rad(camera.fovy[0]) / 2) * WIDTH / HEIGHT,
+        (1 - 2 * 0.3) * np.tan(np.deg2rad(camera.fovy[0]) / 2),
+        -1,
+    ]
+    yaw, pitch = pose_towards(0.2, 0.3, WIDTH / HEIGHT, camera.fovy[0])
+    assert yaw == pytest.approx(np.rad2deg(np.arctan2(ray[1], ray[0])))
+    down = np.rad2deg(np.arcsin(-ray[2] / np.linalg.norm(ray)))
+    assert pitch == pytest.approx(down - HEAD_PITCH_DEG)
+
+
+def test_the_head_stays_within_its_joints_limits(robot: NicoSim) -> None:
+    joints = json.loads(NICO_XML.parents[1].joinpath("nico_kinematics.json").read_text("utf-8"))["joints"]
+    limits = {joint["name"]: np.rad2deg([joint["lower"], joint["upper"]]) for joint in joints}
+    for place in ((-9, -9), (9, 9)):
+        robot.look_at(*place)
+        robot.nod()
+        for yaw, pitch in express(robot):
+            assert limits["head_z"][0] <= yaw <= limits["head_z"][1]
+            assert limits["head_y"][0] <= pitch + HEAD_PITCH_DEG <= limits["head_y"][1]
+
+
+def test_a_head_that_shall_not_express_anything_stays_still(tmp_path: Path) -> None:
+    with make_robot(tmp_path, expressive_head=False) as robot:
+        robot.look_at(0.1, 0.1)
+        robot.shake()
+        assert not express(robot).any()
+
+
+def test_a_table_laid_anew_finds_the_head_in_the_middle(robot: NicoSim) -> None:
+    robot.look_at(0.1, 0.1)
+    assert express(robot)[-1].all()
+    robot.reset()
+    assert not robot.simulation.head_deg.any() and not express(robot).any()
+
+
 def test_it_works_while_it_is_connected(tmp_path: Path) -> None:
     robot = make_robot(tmp_path)
     for _ in range(2):
         assert not robot.is_connected
-        for method in (robot.get_observation, lambda: robot.send_action(targets()), robot.disconnect):
+        for method in (
+            robot.get_observation,
+            lambda: robot.send_action(targets()),
+            robot.express,
+            robot.disconnect,
+        ):
             with pytest.raises(DeviceNotConnectedError):
                 method()
         robot.connect()

@@ -93,6 +93,21 @@ def test_a_visitor_talks_to_a_robot_in_a_world_of_their_own() -> None:
     visitor.join()
 
 
+def test_the_bystanders_picture_shows_a_head_that_moves() -> None:
+    world = World(EchoConversation, Table(), seed=1)
+    assert world._robot is not None
+    before = world.view()
+    world._robot.shake()
+    views = []
+    for _ in range(13):
+        world._robot.express()
+        views.append(world.view())
+    world.close()
+    assert {view.eyes for view in views} == {before.eyes}
+    assert len({view.bystander for view in views}) == 3  # left, right and in the middle
+    assert views[-1].bystander == before.bystander
+
+
 def test_somebody_shows_a_movement() -> None:
     world = World(EchoConversation, Table(), seed=2)
     assert world._robot is not None

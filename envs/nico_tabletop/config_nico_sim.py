@@ -28,6 +28,8 @@ class NicoSimConfig(RobotConfig):
         width: Columns of the eyes' image.
         reset_when_idle: Lay the table anew when LeRobot's reset phase only watches, as a person would.
         viewer: Open MuJoCo's viewer; needs a screen.
+        expressive_head: Turn the head to things, nod and shake it where a conversation asks for that; it is
+            drawn for bystanders alone.
     """
 
     objects: str = "clant"
@@ -38,6 +40,7 @@ class NicoSimConfig(RobotConfig):
     width: int = 320
     reset_when_idle: bool = False
     viewer: bool = False
+    expressive_head: bool = True
 
     def __post_init__(self) -> None:
         """Check the options before a policy is loaded.

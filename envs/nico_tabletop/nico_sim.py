@@ -17,6 +17,7 @@ from lerobot.utils.decorators import check_if_already_connected
 from lerobot.utils.errors import DeviceNotConnectedError
 
 from .config_nico_sim import NicoSimConfig
+from .head import Head, pose_towards
 from .objects import read_objects
 from .placement import Pose, find_placement
 from .robot import EYES, JOINT_NAMES, joint_limits_deg
@@ -54,6 +55,7 @@ class NicoSim(Robot):
         self.config = config
         self._simulation: TabletopSimulation | None = None
         self._viewer: Viewer | None = None
+        self._head = Head()
 
     @property
     def simulation(self) -> TabletopSimulation:
@@ -148,6 +150,7 @@ class NicoSim(Robot):
             poses = find_placement(self.config.placement)(self._random)
         simulation.reset(arrangement, [Pose(*pose) for pose in poses])
         self._start = simulation.object_positions()
+        self._head = Head()
         self._acted = False
         self._idle = 0
         logger.info("On the table, from NICO's left to its right: %s", ", ".join(simulation.arrangement))
@@ -201,6 +204,37 @@ class NicoSim(Robot):
         self._idle = 0
         self._show()
         return dict(zip(_JOINTS, np.clip(target, *joint_limits_deg().T).tolist(), strict=True))
+
+    def look_at(self, x: float, y: float) -> None:
+        """Turn the head to a place in the eyes' image, within one second; the camera stays where it is.
+
+        Args:
+            x: From the image's left edge, as a share of its width.
+            y: From its upper edge, as a share of its height; (0.5, 0.5) is where the camera looks.
+
+        Raises:
+            DeviceNotConnectedError: Before `connect` and after `disconnect`.
+        """
+        fovy = float(self.simulation.model.camera(EYES).fovy[0])
+        self._head.turn_to(pose_towards(x, y, self.config.width / self.config.height, fovy))
+
+    def nod(self) -> None:
+        """Nod once, within one second."""
+        self._head.nod()
+
+    def shake(self) -> None:
+        """Shake the head once, within one second."""
+        self._head.shake()
+
+    def express(self) -> None:
+        """Go on with looking, nodding and shaking for one control period (0.1 s); the world does not move on.
+
+        Raises:
+            DeviceNotConnectedError: Before `connect` and after `disconnect`.
+        """
+        simulation = self.simulation
+        if self.config.expressive_head:
+            simulation.head_deg = self._head.next_pose()
 
     def disconnect(self) -> None:
         """Say what was done, and free the world and the viewer.

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from .camera_effects import add_camera_effects
 from .distractors import Distractor
 from .drawing import make_renderer
+from .drawn_head import DrawnHead
 from .look import Look
 from .objects import TabletopObject, visible_surface
 from .placement import SLOT_POSES, Pose, Poses
@@ -38,6 +39,10 @@ class TabletopSimulation:
 
     Angles are degrees in the order of `robot.JOINT_NAMES`; positions are metres in the robot's frame (x
     forward, y to the robot's left, z up). The same calls give the same numbers, bit for bit.
+
+    Attributes:
+        head_deg: How the head is turned where a camera other than the eyes' sees it, shape (2,), degrees
+            from the middle, see `head.Head`. It moves nothing; a reset puts it back.
     """
 
     def __init__(self, objects: tuple[TabletopObject, ...]) -> None:
@@ -47,7 +52,9 @@ class TabletopSimulation:
         self.arrangement: tuple[str, ...] = ()
         self.distractors: tuple[Distractor, ...] = ()
         self.conditions = Conditions()
+        self.head_deg: NDArray[np.float64] = np.zeros(2)
         self._look = Look(self.model)
+        self._drawn_head = DrawnHead(self.model)
         self._surfaces = {name: visible_surface(self.model, name) for name in self.objects}
         self._joints = np.array([self.model.joint(name).qposadr[0] for name in JOINT_NAMES])
         self._substeps = round(1 / (CONTROL_HZ * self.model.opt.timestep))
@@ -88,6 +95,7 @@ class TabletopSimulation:
         self.arrangement, self.distractors = tuple(arrangement), tuple(distractors)
         self.conditions = conditions
         self._look.change(conditions)
+        self.head_deg = np.zeros(2)
         places = dict(zip(arrangement, shifted, strict=True)) | dict(self.distractors)
         mujoco.mj_resetData(self.model, self.data)
         for index, name in enumerate(self.objects):
@@ -163,6 +171,9 @@ class TabletopSimulation:
         """
         renderer = self._renderer(height, width)
         renderer.update_scene(self.data, camera)
+        # The eyes' image shows no turned head and none of its shadow: it stays as the policies know it.
+        if camera != EYES and self.head_deg.any():
+            self._drawn_head.turn(renderer.scene, self.data, self.head_deg)
         image = renderer.render()
         if camera != EYES:
             return image

@@ -16,6 +16,7 @@ from ..execution import Execution
 from ..scene import Scene, Thing
 from .answers_from_sight import answer
 from .body import Body, Processor
+from .expressions import Expressions
 from .lines import Line, add
 from .memory import Memory
 from .questions import Question
@@ -54,7 +55,8 @@ class Conversation:
     """A robot, a policy, and a person who talks to it; all in one thread.
 
     Args:
-        robot: Any LeRobot robot with the policy's cameras and joints; it is connected.
+        robot: Any LeRobot robot with the policy's cameras and joints; it is connected. One that is
+            `expressions.Expressive` looks at what it speaks of, nods and shakes its head.
         policy: Any of ours. It forgets what it was doing before.
         processors: Its preprocessor and postprocessor.
         planner: Decides what to do about what is said.
@@ -76,6 +78,7 @@ class Conversation:
         self.looking_at: Thing | None = None
         self._policy = policy
         self._body = Body(robot, processors, torch.device(policy.config.device or "cpu"))
+        self._expressions = Expressions(robot)
         self._planner = planner
         self._memory = Memory()
         self._open: Open | None = None
@@ -130,6 +133,7 @@ class Conversation:
             ValueError: If a joint's position is not finite, or the robot has other joints than the policy.
             FloatingPointError: If a plan is not finite.
         """
+        self._expressions.go_on()
         if self._task is None:
             if self.watching:
                 if told := self._showing.watch():
@@ -214,7 +218,7 @@ class Conversation:
         [execution] = self._policy.executions
         [reported] = self._policy.reported
         if execution and execution.memory:
-            self.looking_at = execution.memory.thing
+            self._look_at(execution.memory.thing)
         if reported is not self._reported:
             self._reported = reported
             if reported and reported.change is not None:
@@ -270,7 +274,7 @@ class Conversation:
             return
         text, thing = answer(question, scene)
         if not self.busy:
-            self.looking_at = thing
+            self._look_at(thing)
             if thing:
                 self._policy.speak_of([target_of(thing.name)])
         self._say(text)
@@ -307,5 +311,11 @@ class Conversation:
         else:
             self._say(translate([sentence])[0] if sentence else WHAT_TO_TRANSLATE)
 
+    def _look_at(self, thing: Thing | None) -> None:
+        if thing is not self.looking_at:
+            self.looking_at = thing
+            self._expressions.look_at(thing)
+
     def _say(self, text: str) -> None:
+        self._expressions.say(text)
         add(self.lines, "robot", text)

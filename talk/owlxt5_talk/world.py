@@ -34,7 +34,7 @@ WATCH, DONE = "watch me", "done"
 
 _JPEG_QUALITY = 85
 _EVERY = {EYES: 1, SPECTATOR: 2}  # so many control periods from one picture to the next
-_STILL = 1e-4  # joints in radians and things in metres that moved by less look the same
+_STILL = 1e-4  # joints in radians, things in metres and a head in degrees look the same if they moved by less
 
 
 @dataclass(frozen=True)
@@ -221,12 +221,15 @@ class World:
 
     def _draw(self, camera: str) -> None:
         assert self._robot is not None
-        now = self._robot.simulation.data.qpos
+        simulation = self._robot.simulation
+        now = simulation.data.qpos
+        if camera != EYES:  # they do not see the head
+            now = np.concatenate([now, simulation.head_deg])
         _, drawn = self._pictures[camera]
         if len(drawn) and np.abs(now - drawn).max() <= _STILL:
             return
         file = io.BytesIO()
-        image = self._robot.simulation.render(camera, HEIGHT, WIDTH)
+        image = simulation.render(camera, HEIGHT, WIDTH)
         Image.fromarray(image).save(file, "JPEG", quality=_JPEG_QUALITY)
         self._pictures[camera] = file.getvalue(), now.copy()
 
