@@ -6,16 +6,22 @@ from typing import Any
 
 import pytest
 import torch
+from lerobot.policies.factory import make_pre_post_processors
 from lerobot.utils.constants import ACTION, OBS_STATE
 from torch import Tensor
 
+from lerobot_owlxt5 import OWLxT5Policy
 from lerobot_owlxt5.commands.happened import retell
 from lerobot_owlxt5.commands.replies import NOTHING_KNOWN, NOTHING_MOVED
+from lerobot_owlxt5.conversation.conversation import DONE_AS_YOU_DID
 from lerobot_owlxt5.conversation.rules import plan_by_rules
 from lerobot_owlxt5.conversation.showing import NOTHING_SHOWN, NOTHING_TO_IMITATE, WATCHING, Showing
 from lerobot_owlxt5.conversation.steps import Describe, Imitate, Situation, Watch
 from lerobot_owlxt5.data.windows import recover_actions
 from lerobot_owlxt5.modeling_crossmodal import CrossmodalPolicy
+from lerobot_owlxt5.motion_library import MotionLibrary
+from lerobot_owlxt5.trained import find_policy, is_there
+from stage import Scene, Stage, Turn
 
 STEPS = 6
 
@@ -119,3 +125,31 @@ def test_the_words_for_it() -> None:
     watching = Situation(situation.understand, watching=True)
     assert plan_by_rules("done", watching) == Describe()
     assert plan_by_rules("ich bin fertig", watching) == Describe()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not is_there(), reason="the package has no trained policy: python -m owlxt5_policy.ship")
+def test_the_trained_policy_tells_what_it_was_shown_and_does_it_again() -> None:
+    policy = OWLxT5Policy.from_pretrained(find_policy())
+    stage = Stage(policy, make_pre_post_processors(policy.config, str(find_policy())))
+    things = ["mug", "white chess piece", "can"]
+    robot = stage.set(Scene("claeo", things))
+    stage.say(Turn("watch me"))
+    place = torch.from_numpy(robot.simulation.object_positions()[0, :2]).float()
+    library = MotionLibrary()
+    motion = library.joint_targets("push", place)
+    assert motion is not None
+    arm, targets = motion
+    for target in targets:
+        pose = library.rest.clone()
+        pose[arm] = target
+        robot.send_action(dict(zip(robot.action_features, pose.tolist(), strict=True)))
+        stage.conversation.tick()
+    if stage.conversation.watching:  # the movement may be as long as it can watch
+        stage.conversation.hear("done")
+    assert stage.conversation.lines[-1].text == "You pushed the mug."
+    robot.reset(things)
+    answers, moved = stage.say(Turn("now you"))
+    assert answers[-1] == DONE_AS_YOU_DID
+    assert moved == "mug away"
+    robot.disconnect()

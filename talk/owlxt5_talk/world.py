@@ -191,7 +191,7 @@ class World:
                 {f"{name}.pos": angle for name, angle in zip(JOINT_NAMES, pose, strict=True)}
             )
             conversation.tick()
-            if not self._guided:
+            if not self._guided and conversation.watching:
                 conversation.hear(DONE)
         else:
             conversation.tick()
