@@ -39,9 +39,8 @@ def three(stage: Stage) -> Iterator[Stage]:
     robot.disconnect()
 
 
-@pytest.mark.parametrize(
-    "play", [pytest.param(p, id=p.name, marks=[pytest.mark.slow] if p.moves else []) for p in PLAYS]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("play", [pytest.param(play, id=play.name) for play in PLAYS])
 def test_a_play_goes_as_it_is_written(stage: Stage, play: Play) -> None:
     for scene in play.scenes:
         robot = stage.set(scene)

@@ -217,6 +217,7 @@ def policy(t5: Path) -> OWLxT5Policy:
     return make_policy(t5)
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=25)
 def test_an_action_is_within_what_its_joint_was_trained_on(

@@ -108,6 +108,7 @@ def test_the_bystanders_picture_shows_a_head_that_moves() -> None:
     assert views[-1].bystander == before.bystander
 
 
+@pytest.mark.slow
 def test_somebody_shows_a_movement() -> None:
     world = World(EchoConversation, Table(), seed=2)
     assert world._robot is not None
