@@ -22,12 +22,12 @@ from matplotlib.ticker import PercentFormatter
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
-from scipy.stats import binomtest
 from tqdm import tqdm
 
 from lerobot_owlxt5.command_line import command
 from nico_tabletop.env import TabletopEnv
 from nico_tabletop.placement import SLOT_POSES
+from nico_tabletop.rates import wilson
 from nico_tabletop.scoring import Outcome
 from nico_tabletop.tasks import ACTIONS
 
@@ -70,8 +70,7 @@ def _shares(trials: NDArray[np.float64], reward: float) -> Iterator[tuple[float,
             yield np.nan, np.nan, np.nan, 0
             continue
         right = int((rewards >= reward).sum())
-        interval = binomtest(right, rewards.size).proportion_ci(method="wilson")
-        yield right / rewards.size, interval.low, interval.high, rewards.size
+        yield right / rewards.size, *wilson(right, rewards.size), rewards.size
 
 
 @command("distance")

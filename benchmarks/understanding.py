@@ -19,7 +19,6 @@ from pathlib import Path
 import draccus
 from rich.console import Console
 from rich.table import Table
-from scipy.stats import binomtest
 
 from lerobot_owlxt5.backbones.pretrained import EMBEDDED
 from lerobot_owlxt5.backbones.understanding import NOT_UNDERSTOOD, Understanding
@@ -36,6 +35,7 @@ from lerobot_owlxt5.commands.answer import (
 from lerobot_owlxt5.commands.colours import split_colour
 from nico_tabletop.frames import PARAPHRASES, SYNONYMS
 from nico_tabletop.objects import read_objects
+from nico_tabletop.rates import wilson
 from owlxt5_backbones.understanding_lessons import HELD_OUT
 
 OUTCOMES = ("right", "in part", "refused", "asked back", "wrong", "carried out")
@@ -141,9 +141,8 @@ def _is_less(given: Action, right: Action) -> bool:
 
 def rate(count: int, total: int, digits: int = 0) -> str:
     """A share in percent with Wilson's 95 % interval."""
-    interval = binomtest(count, total).proportion_ci(method="wilson")
-    low, high = 100 * interval.low, 100 * interval.high
-    return f"{count / total:.{digits}%} ({low:.{digits}f} to {high:.{digits}f})"
+    low, high = wilson(count, total)
+    return f"{count / total:.{digits}%} ({100 * low:.{digits}f} to {100 * high:.{digits}f})"
 
 
 def _table(title: str, counts: dict[str, Counter[str]], rated: tuple[str, ...] = ()) -> Table:

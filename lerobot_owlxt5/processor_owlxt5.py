@@ -4,14 +4,14 @@
 from typing import Any
 
 import torch
+from lerobot.configs import PreTrainedConfig
 from lerobot.processor import PolicyAction, PolicyProcessorPipeline, make_default_pre_post_processors
 
-from .configuration_crossmodal import CrossmodalConfig
 from .data.normalization import share_joint_range
 
 
 def make_owlxt5_pre_post_processors(
-    config: CrossmodalConfig,
+    config: PreTrainedConfig,
     dataset_stats: dict[str, dict[str, torch.Tensor]] | None = None,
 ) -> tuple[
     PolicyProcessorPipeline[dict[str, Any], dict[str, Any]],

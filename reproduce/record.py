@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from builder_tools.workers import usable_cores
+
 from .plan import ROOT, Plan, Step
 
 PACKAGES = ("lerobot", "torch", "transformers", "mujoco", "lerobot_policy_owlxt5")
@@ -78,9 +80,8 @@ def versions() -> dict[str, str]:
 
 def machine(*, gpu: bool = False) -> str:
     """Processor, usable cores, memory, system, and the `gpu` if it was used; not the machine's name."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
-    parts = [_processor(), f"{cores} cores", f"{memory:.0f} GiB", platform.system()]
+    parts = [_processor(), f"{usable_cores()} cores", f"{memory:.0f} GiB", platform.system()]
     if gpu:
         import torch  # takes seconds, and is needed nowhere else
 

@@ -11,8 +11,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from scipy.stats import binomtest
-
+from nico_tabletop.rates import wilson
 from nico_tabletop.report import read_evaluations
 from nico_tabletop.scoring import Outcome
 
@@ -110,8 +109,8 @@ class Share:
     @property
     def interval(self) -> tuple[float, float]:
         """Wilson's 95 % interval in percent."""
-        ends = binomtest(self.hits, self.total).proportion_ci(method="wilson")
-        return 100 * ends.low, 100 * ends.high
+        low, high = wilson(self.hits, self.total)
+        return 100 * low, 100 * high
 
     def __str__(self) -> str:
         low, high = self.interval

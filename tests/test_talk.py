@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from nico_tabletop.nico_sim import NicoSim
 from owlxt5_talk import show
 from owlxt5_talk.policies import policy_maker
 from owlxt5_talk.texts import ENGLISH, GERMAN, TEXTS, language_of
@@ -93,14 +94,20 @@ def test_a_visitor_talks_to_a_robot_in_a_world_of_their_own() -> None:
     visitor.join()
 
 
+def robot_of(world: World) -> NicoSim:
+    assert isinstance(world.conversation, EchoConversation)
+    assert isinstance(world.conversation.robot, NicoSim)
+    return world.conversation.robot
+
+
 def test_the_bystanders_picture_shows_a_head_that_moves() -> None:
     world = World(EchoConversation, Table(), seed=1)
-    assert world._robot is not None
+    robot = robot_of(world)
     before = world.view()
-    world._robot.shake()
+    robot.shake()
     views = []
     for _ in range(13):
-        world._robot.express()
+        robot.express()
         views.append(world.view())
     world.close()
     assert {view.eyes for view in views} == {before.eyes}
@@ -111,8 +118,8 @@ def test_the_bystanders_picture_shows_a_head_that_moves() -> None:
 @pytest.mark.slow
 def test_somebody_shows_a_movement() -> None:
     world = World(EchoConversation, Table(), seed=2)
-    assert world._robot is not None
-    before = world._robot.simulation.object_positions()
+    robot = robot_of(world)
+    before = robot.simulation.object_positions()
     world.show()
     heard: list[str] = []
     for _ in range(100):
@@ -120,7 +127,7 @@ def test_somebody_shows_a_movement() -> None:
         heard = [line.text for line in world.conversation.lines if line.speaker == "person"]
         if heard[-1:] == ["done"]:
             break
-    after = world._robot.simulation.object_positions()
+    after = robot.simulation.object_positions()
     world.close()
     assert heard == ["watch me", "done"]
     moved = np.abs(after - before).max(axis=1) > 0.03

@@ -3,7 +3,7 @@
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import torch
 from lerobot.utils.constants import OBS_STATE
@@ -94,16 +94,17 @@ class Showing:
     """
 
     def __init__(self, policy: ExecutingPolicy, body: Body) -> None:
-        self._policy, self._body = policy, body
+        tells_objects = isinstance(policy, CrossmodalPolicy) and policy.visual.names_objects
+        self._policy = cast(CrossmodalPolicy, policy) if tells_objects else None
+        self._body = body
         self._shown: Demonstration | None = None
         self.goes_on = False
 
     def begin(self) -> str:
         """Watch from now on; what to say about it."""
-        policy = self._policy
-        if not isinstance(policy, CrossmodalPolicy) or not self._has_learnt("describe"):
+        if self._policy is None or not self._policy.config.was_trained_in("describe"):
             return CANNOT_DESCRIBE
-        self._shown, self.goes_on = Demonstration(policy, self._body), True
+        self._shown, self.goes_on = Demonstration(self._policy, self._body), True
         return WATCHING
 
     def watch(self) -> str:
@@ -121,15 +122,8 @@ class Showing:
 
     def movement(self) -> Tensor | str:
         """What was shown as a movement, (L, joints), scaled; or why there is none."""
-        if not self._has_learnt("repeat_action"):
+        if self._policy is None or not self._policy.config.was_trained_in("repeat_action"):
             return CANNOT_IMITATE
         if self._shown is None or not self._shown.has_begun:
             return NOTHING_TO_IMITATE
         return self._shown.repeat()
-
-    def _has_learnt(self, mode: str) -> bool:
-        return (
-            isinstance(self._policy, CrossmodalPolicy)
-            and self._policy.visual.names_objects
-            and self._policy.config.was_trained_in(mode)
-        )

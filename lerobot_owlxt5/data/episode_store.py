@@ -203,7 +203,6 @@ class EpisodeStore:
         row: dict[int, int] = {}
         actions: list[np.ndarray] = []
         states: list[np.ndarray] = []
-        poses: list[np.ndarray] = []
         lengths: list[int] = []
         for table in self._tables("episode_index", ACTION, OBS_STATE):
             episode = table["episode_index"].to_numpy()
@@ -216,16 +215,16 @@ class EpisodeStore:
                 lengths.append(int(end - start))
             actions.append(scaled)
             states.append(scaled_states)
-            poses.append(scaled_states[first])
         length = torch.tensor(lengths)
-        first_poses = np.concatenate(poses)
+        firsts, all_states = length.cumsum(dim=0) - length, np.concatenate(states)
+        first_poses = all_states[firsts.numpy()]
         mean_pose = first_poses.mean(axis=0, dtype=np.float64)
         tolerance = start_tolerance(first_poses, high - low)
         return _Trajectories(
             torch.from_numpy(np.concatenate(actions).astype(np.float32)),
-            torch.from_numpy(np.concatenate(states).astype(np.float32)),
+            torch.from_numpy(all_states.astype(np.float32)),
             row,
-            length.cumsum(dim=0) - length,
+            firsts,
             length,
             *(torch.from_numpy(each.astype(np.float32)) for each in (first_poses, mean_pose, tolerance)),
         )

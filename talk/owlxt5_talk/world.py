@@ -19,7 +19,7 @@ from nico_tabletop.config_nico_sim import NicoSimConfig
 from nico_tabletop.nico_sim import NicoSim
 from nico_tabletop.objects import SHIPPED
 from nico_tabletop.placement import PLACEMENTS
-from nico_tabletop.robot import EYES, JOINT_NAMES
+from nico_tabletop.robot import EYES
 from nico_tabletop.scene import SPECTATOR
 
 from .guided import draw_movement
@@ -185,16 +185,13 @@ class World:
             self._guided = draw_movement(self._robot, self._random)
         if not conversation.watching:
             self._guided = []
-        if self._guided:
+        is_moved = bool(self._guided)
+        if is_moved:
             pose = self._guided.pop(0).tolist()
-            self._robot.send_action(
-                {f"{name}.pos": angle for name, angle in zip(JOINT_NAMES, pose, strict=True)}
-            )
-            conversation.tick()
-            if not self._guided and conversation.watching:
-                conversation.hear(DONE)
-        else:
-            conversation.tick()
+            self._robot.send_action(dict(zip(self._robot.action_features, pose, strict=True)))
+        conversation.tick()
+        if is_moved and not self._guided and conversation.watching:
+            conversation.hear(DONE)
 
     def view(self) -> View:
         """What is to be seen now; draws only where something has moved."""
