@@ -47,11 +47,12 @@ def changed(memory: Memory, scene: Scene) -> Change:
     new = _none_of(memory.others, scene.things)
     there = seen if stands else _none_of(memory.others, alike) or new
     now = min(there, key=old.distance, default=None)
+    fell = now is not None and _slimness(old) > _UPRIGHT and _slimness(now) < _FLATTER * _slimness(old)
     left = [thing for thing in new if now is None or thing.apart_from(now)]
     gone = _none_of(seen, memory.others)
     return Change(
-        None if now is None else "" if stands else _way(old, now),
-        fell=now is not None and _slimness(old) > _UPRIGHT and _slimness(now) < _FLATTER * _slimness(old),
+        None if now is None else "" if stands else _way(old, now, fell),
+        fell=fell,
         # No more than were seen at new places: what moved may hide what did not.
         others=tuple(other.name for other in gone[: len(left)]),
     )
@@ -72,9 +73,17 @@ def _none_of(others: Sequence[Thing], things: Sequence[Thing]) -> list[Thing]:
     return [thing for thing in things if all(thing.distance(other) >= OTHER_STILL for other in others)]
 
 
-def _way(old: Thing, now: Thing) -> str:
-    """Where a thing went: in the image away is up."""
-    right, down = now.place.x - old.place.x, now.place.y - old.place.y
+def _way(old: Thing, now: Thing, fell: bool) -> str:
+    """Where a thing went: in the image away is up.
+
+    It is judged by the middle of its box. The lower edge is that of another corner when a thing has turned: a
+    cube seems 8 mm closer then. Only of a thing that fell it is the better measure, as its top came down.
+
+    NICO's eyes show a way to the side and the same way forward as nearly equal shares of the image (0.054 and
+    0.058 for 3 cm), so the larger one tells.
+    """
+    right = now.place.x - old.place.x
+    down = now.place.y - old.place.y if fell else float(now.box[[1, 3]].mean() - old.box[[1, 3]].mean())
     if abs(right) > abs(down):
         return RIGHT if right > 0 else LEFT
     return CLOSER if down > 0 else AWAY

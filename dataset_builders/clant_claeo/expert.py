@@ -76,8 +76,11 @@ _LIFT = 0.07  # from the height of the stroke to clear other objects
 _TOLERANCE = 0.015  # error of the fingertips at both ends of the stroke
 _MARGIN = 0.006  # between a hand and the objects that are not to be moved
 
-MIDDLE = 0.07
-"""An object farther from the robot's middle than this is on its left or right side, metres."""
+MIDDLE = 0.078
+"""An object farther from the robot's middle than this is on its left or right side, metres.
+
+Halfway between where slides leave the objects of the middle and of the outer slots: few stand near it.
+"""
 
 _SPEED = 0.11  # of the fingertips, mean over a leg, metres per second
 _RISE_SECONDS, _TURN_SECONDS = 0.7, 1.5  # at least: wrists turn slower than fingertips travel
@@ -203,10 +206,8 @@ def plan(
 ) -> NDArray[np.float64]:
     """Joint trajectory that moves one of three objects in the direction of `action`.
 
-    The arm on the object's side acts, for an object in the middle the right one, or the one that slides it
-    inwards. So a movement follows from the object's place alone, which is all that a policy may know. Only if
-    that arm does not reach the object, or its hand would touch another one, the other arm does it. The same
-    arguments give the same numbers.
+    `acting_arm` says which arm acts. So a movement follows from the object's place alone, which is all that a
+    policy may know. The same arguments give the same numbers.
 
     Args:
         action: What to do; its slot tells the left, middle or right object.
@@ -219,20 +220,17 @@ def plan(
         a second. The first row is `start`; T lies between 40 and 85, like CLANT's.
 
     Raises:
-        OutOfReachError: If no arm can make the stroke without touching another object.
+        OutOfReachError: If the arm does not reach the object, or its hand would touch another one.
     """
-    problems = []
-    for acting in preferred_arms(action.verb, poses[action.slot]):
-        try:
-            rows = move(action.verb, poses[action.slot], acting, start)
-        except OutOfReachError as error:
-            problems.append(str(error))
-            continue
-        if _is_clear(rows, acting, action.slot, poses):
-            return rows
-        problems.append(f"the {acting} hand would touch another object")
-    x, y, _ = poses[action.slot]
-    raise OutOfReachError(f"{action.name} at x {x:.3f} m, y {y:.3f} m: {'; '.join(problems)}")
+    pose = poses[action.slot]
+    acting = acting_arm(action.verb, pose)
+    try:
+        rows = move(action.verb, pose, acting, start)
+        if not _is_clear(rows, acting, action.slot, poses):
+            raise OutOfReachError(f"the {acting} hand would touch another object")
+    except OutOfReachError as error:
+        raise OutOfReachError(f"{action.name} at x {pose.x:.3f} m, y {pose.y:.3f} m: {error}") from None
+    return rows
 
 
 def _is_clear(rows: NDArray[np.float64], acting: str, slot: int, poses: Sequence[Pose]) -> bool:
@@ -247,10 +245,14 @@ def _is_clear(rows: NDArray[np.float64], acting: str, slot: int, poses: Sequence
     return True
 
 
-def preferred_arms(verb: Verb, pose: Pose) -> tuple[str, str]:
-    """Both arms, the preferred one first; see `plan`."""
-    left_first = pose.y > 0 if abs(pose.y) > MIDDLE else verb.direction[1] < 0
-    return ("left", "right") if left_first else ("right", "left")
+def acting_arm(verb: Verb, pose: Pose) -> str:
+    """`left` or `right`: the arm on the object's side; in the middle the right one, or the one to slide to.
+
+    To slide it with the palm would touch a neighbour more often: in 67 of 300 slides in the middle, with each
+    object up to 6 cm off its slot, instead of 20; placed freely in 14 of 300, instead of none.
+    """
+    is_left = pose.y > 0 if abs(pose.y) > MIDDLE else verb.direction[1] > 0
+    return "left" if is_left else "right"
 
 
 @cache

@@ -20,7 +20,7 @@ from nico_tabletop.placement import OutOfReachError, Pose
 from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES
 from nico_tabletop.tasks import VERBS, Verb
 
-from .expert import MIDDLE, move, preferred_arms
+from .expert import MIDDLE, acting_arm, move
 
 X = np.linspace(0.315, 0.435, 7)
 """Places of the grid, forward, metres: the region of the free placement. Nearer, nothing can be pulled."""
@@ -82,7 +82,7 @@ def solve_motions() -> dict[str, NDArray[np.generic]]:
     for cell, rows in solved.items():
         motions[cell] = stretch(rows, longest)
     acting = np.moveaxis(motions, 1, 0).reshape(len(ARMS), -1, shape[-1]).astype(np.float32)
-    first = [ARMS.index(preferred_arms(verb, Pose(X[0], 0.0))[0]) for verb in VERBS]
+    first = [ARMS.index(acting_arm(verb, Pose(X[0], 0.0))) for verb in VERBS]
     return {
         "motions": motions,
         "x": X.astype(np.float32),
