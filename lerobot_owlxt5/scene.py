@@ -16,6 +16,8 @@ from .commands.referring import Place, are_apart, distance, matching, side_of
 from .commands.replies import RELATIONS_IN_WORDS, SIDES_IN_WORDS, listed
 from .commands.vocabulary import THINGS
 
+_LARGEST = 0.25
+"""What fills more of the image is no thing on the table (our decision)."""
 _GENERIC = {"", "thing", "object", "item", "one"}
 
 
@@ -90,6 +92,9 @@ class Scene:
         observation: Features `observation.*` of one sample, (1, ...).
         labels: Names of what may be there, beside everyday things.
         in_english: What a name is called in English. It returns an English or unknown one as it is.
+
+    Attributes:
+        taught: Names that the detector was taught before.
     """
 
     def __init__(
@@ -100,7 +105,8 @@ class Scene:
         in_english: Callable[[str], str],
     ) -> None:
         self._detector, self._observation = detector, observation
-        self._labels = [*dict.fromkeys([*map(object_name, labels), *THINGS])]
+        self.taught = [*(detector.taught or ())]
+        self._labels = [*dict.fromkeys([*self.taught, *map(object_name, labels), *THINGS])]
         self._in_english = in_english
 
     @cached_property
@@ -136,6 +142,28 @@ class Scene:
             return Found(None, self._which([called[index] for index in left]))
         return Found(called[left[0]])
 
+    @property
+    def can_be_taught(self) -> bool:
+        """Whether the detector can remember what a thing looks like."""
+        return self._detector.taught is not None
+
+    def forget(self, name: str) -> None:
+        """Forget what a thing looks like that was taught.
+
+        Raises:
+            ValueError, OSError: If the file of what was taught cannot be used.
+        """
+        assert self._detector.taught is not None
+        self._detector.taught.remove(name)
+
+    def teach(self, thing: Thing, name: str) -> None:
+        """Remember what a thing looks like under a name; only for a detector that can be taught.
+
+        Raises:
+            ValueError, OSError: If the file of what was taught cannot be used.
+        """
+        self._detector.teach(name, self._observation, thing.box)
+
     def report(self) -> str:
         """Say what is seen."""
         if not self.things:
@@ -150,6 +178,21 @@ class Scene:
         things = [Thing(self._labels[label], found.box[place, label]) for place, label in enumerate(best)]
         return sorted(things, key=lambda thing: thing.place.x)
 
+    def at(self, x: float, y: float) -> Thing | None:
+        """What stands at a point of the image, as shares of its width and height, under its best label.
+
+        It may score too little to be among `things`: then somebody has to point at it.
+        """
+        found = self._look([self._labels])
+        box, score = found.box[0], found.score[0]
+        point = box.new_tensor([x, y])
+        there = ((box[:, :2] <= point) & (point <= box[:, 2:])).all(dim=1)
+        there &= (box[:, 2:] - box[:, :2]).prod(dim=1) < _LARGEST
+        if not there.any():
+            return None
+        best = int((score.amax(dim=1) * there).argmax())
+        return Thing(self._labels[int(score[best].argmax())], box[best])
+
     def called(self, name: str) -> list[Thing]:
         """All things that fit an English name, such as "red cube"; what fits best comes first."""
         return self._called(name, "")
@@ -157,6 +200,8 @@ class Scene:
     def called_in_any_language(self, name: str, colour: str) -> list[Thing]:
         """All things of a name that was said in English or German, in a colour if one is given."""
         phrase = f"{colour} {name}".strip()
+        if phrase in self.taught:
+            return self._of_kind(phrase, None)
         english = self._in_english(phrase) if phrase else ""
         found: list[Thing] = []
         if english.split()[-1:] != phrase.split()[-1:]:

@@ -4,6 +4,7 @@
     scene: claeo, mug, ball, can    the objects' set, and what stands left, in the middle and right; anew
     poses: 0.4 0.1 0, ...           where they stand (x, y, yaw; metres, degrees), behind `scene`
     > push the mug                  somebody says this
+    > [points at the mug]           or points at it
     wait 15                         only so many control periods pass; else as many as the robot needs
     < I will push the mug.          it answers this, and nothing else, in this order
     moved: mug away                 what has moved since the last `>`; `nothing` is checked without a word
@@ -11,6 +12,7 @@
 Lines with # are comments.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -148,13 +150,18 @@ class Stage:
     def say(self, turn: Turn) -> tuple[list[str], str]:
         """Say something; what is answered, and what has moved then."""
         lines, before = self.conversation.lines, self.simulation.object_positions()
-        start = len(lines)
-        self.conversation.hear(turn.says)
+        start = len(lines) + 1
+        if pointed := re.fullmatch(r"\[points at the (.+)\]", turn.says):
+            start -= 1
+            box = self.simulation.object_boxes(4 / 3)[self.simulation.arrangement.index(pointed[1])]
+            self.conversation.point(*((box[:2] + box[2:]) / 2).tolist())
+        else:
+            self.conversation.hear(turn.says)
         for _ in range(turn.wait):
             if not self.conversation.busy:
                 break
             self.conversation.tick()
-        return [line.text for line in lines[start + 1 :]], self._moved(before)
+        return [line.text for line in lines[start:]], self._moved(before)
 
     def _moved(self, before: np.ndarray) -> str:
         after, moved = self.simulation.object_positions(), []

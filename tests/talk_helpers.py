@@ -45,6 +45,9 @@ class EchoConversation:
         self.watching = words == "watch me"
         self.left = 0 if words in ("watch me", "done") else STEPS
 
+    def point(self, x: float, y: float) -> None:
+        self.lines.append(Line("robot", f"You point at {x:.2f} {y:.2f}"))
+
     def tick(self) -> None:
         if self.left:
             self.left -= 1

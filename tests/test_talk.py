@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -132,6 +133,16 @@ def test_somebody_shows_a_movement() -> None:
     assert heard == ["watch me", "done"]
     moved = np.abs(after - before).max(axis=1) > 0.03
     assert moved.sum() == 1
+
+
+def test_pointing_is_told_in_shares_of_the_picture() -> None:
+    visitor = Visitor(lambda table: World(EchoConversation, table, seed=1), Table())
+    for place in ("", "left", "0.1", "0.25 7", "0.1 0.2 0.3"):
+        visitor.point(place)
+    wait_until(lambda: visitor.view.lines)
+    assert visitor.view.lines == (("robot", "You point at 0.25 1.00"),)
+    visitor.leave()
+    visitor.join()
 
 
 def test_stop_comes_before_all_that_waits(visitor: Visitor, worlds: list[PlainWorld]) -> None:
@@ -309,6 +320,17 @@ def test_a_wrong_planner_ends_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setenv("OWLXT5_PLANNER_MODEL", "small")
     with pytest.raises(SystemExit, match="owlxt5-talk: the planner's address must be one such as"):
         cli.main()
+
+
+def test_a_broken_file_of_taught_things_ends_in_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    cli = pytest.importorskip("owlxt5_talk.cli", reason="needs the extra `talk`", exc_type=ImportError)
+    (tmp_path / "things").write_text("no tensors")
+    monkeypatch.setattr(sys, "argv", ["owlxt5-talk", f"--taught={tmp_path / 'things'}"])
+    with pytest.raises(SystemExit, match=r"^owlxt5-talk: \S*things is no file of taught things[^\n]*$"):
+        cli.main()
+    assert (tmp_path / "things").read_text() == "no tensors"
 
 
 def test_each_visitor_has_a_policy_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:

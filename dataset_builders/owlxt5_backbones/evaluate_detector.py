@@ -81,7 +81,7 @@ def evaluate_detector(
             if meant in truth:
                 box = truth[meant]
                 middle = (box[:2] + box[2:]) / 2
-                places = [_on_table(simulation, point, size) for point in (np.asarray(centre), middle)]
+                places = [on_table(simulation, point, size) for point in (np.asarray(centre), middle)]
                 right = seen and float(np.linalg.norm(places[0] - places[1])) <= CLOSE
                 counts["present"] += 1
                 counts["found"] += right
@@ -106,10 +106,16 @@ def _arrangements(names: Sequence[str], rng: np.random.Generator, count: int) ->
         yield tuple(rng.choice(np.array(names), 3, replace=False).tolist())
 
 
-def _on_table(
+def on_table(
     simulation: TabletopSimulation, point: NDArray[np.floating], size: tuple[int, int]
 ) -> NDArray[np.float64]:
-    """Where a point of the image, shares of its width and height, lies just above the table, metres."""
+    """Where a point of the image, shares of its width and height, lies just above the table, metres.
+
+    Args:
+        simulation: Whose eyes see the image.
+        point: (2,).
+        size: Height and width of the image, pixels.
+    """
     camera = simulation.data.camera(EYES)
     half = np.tan(np.deg2rad(simulation.model.camera(EYES).fovy[0]) / 2)
     x, y = (2 * np.asarray(point, dtype=np.float64) - 1) * [half * size[1] / size[0], -half]

@@ -3,11 +3,14 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import torch
 from torch import Tensor
 from torchvision.ops import box_iou, nms
+
+if TYPE_CHECKING:
+    from .taught import TaughtThings
 
 SAME_PLACE = 0.02
 """Centres closer than this share of the image are at one place: the detector's noise."""
@@ -65,10 +68,13 @@ class Candidates(NamedTuple):
     Attributes:
         box: (batch, boxes, 4), as in `Detections`.
         score: (batch, boxes, names) in [0, 1].
+        embedding: (batch, boxes, dim), of norm 1, what the detector makes of each box's patch; None where it
+            has no such thing.
     """
 
     box: Tensor
     score: Tensor
+    embedding: Tensor | None = None
 
     def at(self, places: Tensor) -> Tensor:
         """Which boxes have their centre at which places (batch, places, 2); bool (batch, boxes, places)."""
@@ -118,10 +124,12 @@ class Detector(Protocol):
     Attributes:
         threshold: From this score on an object counts as seen.
         revision: The Hub's commit, or the digest of embedded weights; None for a folder and the simulator.
+        taught: What it was shown and told the name of; None if it cannot be.
     """
 
     threshold: float
     revision: str | None
+    taught: "TaughtThings | None" = None
 
     def can_read(self, names: Sequence[str]) -> bool:
         """Whether names that are looked for together are short enough to be read to their end."""
@@ -129,6 +137,14 @@ class Detector(Protocol):
     def look(self, observation: Mapping[str, Any]) -> Look:
         """Look once, to ask for several names one after the other; see `propose`."""
         return partial(self.propose, observation)
+
+    def teach(self, name: str, observation: Mapping[str, Any], box: Tensor) -> None:
+        """Remember what is in a box (4,) of one image (1, ...) under a name; only where it has `taught`.
+
+        Raises:
+            ValueError, OSError: If the file of what was taught cannot be used.
+        """
+        raise TypeError(f"{type(self).__name__} cannot be taught.")
 
     def propose(self, observation: Mapping[str, Any], names: Sequence[Sequence[str]]) -> Candidates:
         """Look once, to choose among the boxes afterwards.

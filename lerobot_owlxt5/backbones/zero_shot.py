@@ -20,8 +20,10 @@ from transformers import (
 )
 
 from ..commands.parser import object_name
+from .appearance import appearance_at, as_score, likeness
 from .detections import Candidates, Detector, Look
 from .pretrained import find_backbone, load_pretrained
+from .taught import TaughtThings
 
 # OWLv2 looks at 3600 patches of an image: a whole training batch at once would not fit into memory.
 IMAGES_AT_ONCE = 8
@@ -56,7 +58,8 @@ class OwlCandidates:
             text=queries, images=list(images), do_rescale=False, truncation=True, return_tensors="pt"
         )
         outputs = self.model(**inputs.to(images.device))
-        return Candidates(self._corners(outputs.pred_boxes, images), outputs.logits.sigmoid())
+        boxes = self._corners(outputs.pred_boxes, images)
+        return Candidates(boxes, outputs.logits.sigmoid(), outputs.class_embeds)
 
     def look(self, images: Tensor) -> Look:
         """Encode images once, to ask for several names one after the other."""
@@ -67,8 +70,8 @@ class OwlCandidates:
 
         def candidates(names: Sequence[Sequence[str]]) -> Candidates:
             queries = torch.stack([torch.stack([self._embed(name) for name in asked]) for asked in names])
-            logits, _ = self.model.class_predictor(features, queries.to(images.device))
-            return Candidates(boxes, logits.sigmoid())
+            logits, embeddings = self.model.class_predictor(features, queries.to(images.device))
+            return Candidates(boxes, logits.sigmoid(), embeddings)
 
         return candidates
 
@@ -122,10 +125,11 @@ class GroundingDinoCandidates:
             stop = start + 1
             while stop < total and all(self.can_read(asked[start : stop + 1]) for asked in names):
                 stop += 1
-            box, score = self._propose(images, [asked[start:stop] for asked in names])
-            found.append(Candidates(box, nn.functional.pad(score, (start, total - stop))))
+            box, score, _ = self._propose(images, [asked[start:stop] for asked in names])
+            found.append((box, nn.functional.pad(score, (start, total - stop))))
             start = stop
-        return Candidates(*(torch.cat(tensors, dim=1) for tensors in zip(*found, strict=True)))
+        boxes, scores = zip(*found, strict=True)
+        return Candidates(torch.cat(boxes, dim=1), torch.cat(scores, dim=1))
 
     def _propose(self, images: Tensor, names: Sequence[Sequence[str]]) -> Candidates:
         captions = [_caption(asked) for asked in names]
@@ -218,6 +222,8 @@ class ZeroShotDetector(Detector):
         own = getattr(self.model.config, "score_threshold", self.candidates.usual_threshold)
         self.threshold: float = own if threshold is None else threshold
         self.camera = camera
+        if isinstance(self.candidates, OwlCandidates):
+            self.taught = TaughtThings(revision or name)
 
     def can_read(self, names: Sequence[str]) -> bool:
         """See `detections.Detector`."""
@@ -229,15 +235,45 @@ class ZeroShotDetector(Detector):
         find = self.candidates
         images = self._images(observation)
         look = find.look(images) if isinstance(find, OwlCandidates) else partial(find, images)
-        return torch.no_grad()(lambda names: only_inside(look(_full(names))))
+
+        @torch.no_grad()
+        def candidates(names: Sequence[Sequence[str]]) -> Candidates:
+            asked = _full(names)
+            return only_inside(self._know_again(images, asked, look(asked)))
+
+        return candidates
 
     @torch.no_grad()
     def propose(self, observation: Mapping[str, Any], names: Sequence[Sequence[str]]) -> Candidates:
         """See `detections.Detector`."""
         images, asked = self._images(observation), _full(names)
         parts = (slice(first, first + IMAGES_AT_ONCE) for first in range(0, len(images), IMAGES_AT_ONCE))
-        found = [self.candidates(images[part], asked[part]) for part in parts]
-        return only_inside(Candidates(*(torch.cat(tensors) for tensors in zip(*found, strict=True))))
+        found = [
+            self._know_again(images[part], asked[part], self.candidates(images[part], asked[part]))
+            for part in parts
+        ]
+        boxes, scores, _ = zip(*found, strict=True)
+        return only_inside(Candidates(torch.cat(boxes), torch.cat(scores)))
+
+    @torch.no_grad()
+    def teach(self, name: str, observation: Mapping[str, Any], box: Tensor) -> None:
+        """See `detections.Detector`."""
+        found = self.look(observation)([[name]])
+        assert self.taught is not None and found.embedding is not None
+        [image] = self._images(observation)
+        self.taught.add(object_name(name), appearance_at(box, image, found.box[0], found.embedding[0]))
+
+    def _know_again(self, images: Tensor, names: Sequence[Sequence[str]], found: Candidates) -> Candidates:
+        """The same, but names that were taught are scored by what their things look like."""
+        if not self.taught or found.embedding is None:
+            return found
+        for sample, asked in enumerate(names):
+            for column, name in enumerate(asked):
+                if name in self.taught:
+                    looks, image = self.taught[name], images[sample]
+                    alike = likeness(looks, image, found.box[sample], found.embedding[sample])
+                    found.score[sample, :, column] = as_score(alike, self.threshold)
+        return found
 
     def _images(self, observation: Mapping[str, Any]) -> Tensor:
         """The camera's images, in [0, 1]; the model moves to where they are."""
@@ -265,7 +301,7 @@ def only_inside(found: Candidates) -> Candidates:
     low, high = found.box[..., :2], found.box[..., 2:]
     visible = (high.clamp(max=1) - low.clamp(min=0)).clamp(min=0).prod(dim=-1)
     inside = visible >= MOSTLY * (high - low).prod(dim=-1)
-    return Candidates(found.box, found.score * inside[..., None])
+    return found._replace(score=found.score * inside[..., None])
 
 
 def to_image_coordinates(points: Tensor, height: int, width: int) -> Tensor:

@@ -138,5 +138,6 @@ def object_name(phrase: str) -> str:
 
 
 def with_article(name: str) -> str:
-    """Put "a" or "an" before a name."""
-    return f"{'an' if name[:1] in tuple('aeiou') else 'a'} {name}"
+    """Put "a" or "an" before a name, as it is spoken."""
+    vowel = name[:1] in tuple("aeiou") and not name.startswith(("uni", "use", "eu", "one"))
+    return f"{'an' if vowel or name.startswith('hour') else 'a'} {name}"

@@ -26,6 +26,7 @@ from .steps import (
     Ask,
     Describe,
     Do,
+    Forget,
     GoHome,
     Imitate,
     Open,
@@ -35,9 +36,11 @@ from .steps import (
     Situation,
     Step,
     Stop,
+    Teach,
     Translate,
     Watch,
 )
+from .teaching import Point, forget, point_out, teach
 
 ONCE_MORE = "I try once more."
 STOPPED = "I stop."
@@ -89,6 +92,7 @@ class Conversation:
         self._tried_again = False
         self._showing = Showing(policy, self._body)
         self._copy: list[Tensor] = []
+        self._point: Point | None = None
 
     @property
     def busy(self) -> bool:
@@ -103,8 +107,8 @@ class Conversation:
     @property
     def things(self) -> list[Thing]:
         """What was seen at the last look, from left to right; empty before the first."""
-        scenes = self._policy.sight.last
-        return scenes[0].things if scenes else []
+        scene = self._last_scene
+        return scene.things if scene else []
 
     def hear(self, words: str) -> None:
         """Hear what somebody says, and answer it or begin to do it.
@@ -114,10 +118,24 @@ class Conversation:
         """
         before = tuple(self.lines[-LINES_BEFORE:])
         add(self.lines, "person", words[:MAX_CHARACTERS])
+        scene = self._last_scene
         seen = tuple(thing.name for thing in self.things)
+        taught = tuple(scene.taught) if scene else ()
         understand = self._policy.understand
-        situation = Situation(understand, self._open, self._last, seen, before, self.watching)
+        situation = Situation(understand, self._open, self._last, seen, before, self.watching, taught)
         self._take(self._planner(words, situation))
+
+    def point(self, x: float, y: float) -> None:
+        """Look where somebody points, and say what is there: it is "this", and "it", from then on.
+
+        Args:
+            x: Share of the image's width, from the left.
+            y: Share of its height, from above.
+        """
+        said, thing = point_out(self._scene(), (x, y))
+        self._point = x, y
+        self._speak_of(thing)
+        self._say(said)
 
     def look(self) -> None:
         """Look at the table, without a word: `things` then has what is there.
@@ -178,6 +196,10 @@ class Conversation:
                 self._say(self._showing.end())
             case Imitate():
                 self._imitate()
+            case Teach():
+                self._learn(step)
+            case Forget(name):
+                self._say(forget(self._last_scene, name))
             case Translate(sentence):
                 self._translate(sentence)
             case Remark(text, then):
@@ -196,6 +218,7 @@ class Conversation:
         """Give the policy a task; it takes effect at the next tick."""
         self._policy.drop_queued_actions()
         self._showing.goes_on = False
+        self._point = None
         self._task, self._response, self._reported, self._copy = task, "", None, []
         self._memory.still = ""
 
@@ -273,10 +296,7 @@ class Conversation:
             self._say(NO_OBJECTS_SEEN)
             return
         text, thing = answer(question, scene)
-        if not self.busy:
-            self._look_at(thing)
-            if thing:
-                self._policy.speak_of([target_of(thing.name)])
+        self._speak_of(thing)
         self._say(text)
 
     def _imitate(self) -> None:
@@ -297,6 +317,21 @@ class Conversation:
             self._memory.did, self._memory.doing, self._memory.worked = DONE_AS_YOU_DID, "", None
             self._say(DONE_AS_YOU_DID)
 
+    def _learn(self, lesson: Teach) -> None:
+        """Stop, and remember what a thing looks like that somebody shows."""
+        self._halt()
+        said, thing = teach(self._scene(), lesson, self._point, self.looking_at)
+        if thing:
+            self._speak_of(thing)
+            self.look()
+        self._say(said)
+
+    @property
+    def _last_scene(self) -> Scene | None:
+        """What was seen at the last look; None before the first."""
+        scenes = self._policy.sight.last
+        return scenes[0] if scenes else None
+
     def _scene(self) -> Scene | None:
         """What is seen now; None for a policy that sees no objects."""
         if not self._policy.visual.names_objects:
@@ -310,6 +345,14 @@ class Conversation:
             self._say(NO_TRANSLATION)
         else:
             self._say(translate([sentence])[0] if sentence else WHAT_TO_TRANSLATE)
+
+    def _speak_of(self, thing: Thing | None) -> None:
+        """Look at what was spoken of, which is "it" from then on; but not while a movement goes on."""
+        if self.busy:
+            return
+        self._look_at(thing)
+        if thing:
+            self._policy.speak_of([target_of(thing.name)])
 
     def _look_at(self, thing: Thing | None) -> None:
         if thing is not self.looking_at:

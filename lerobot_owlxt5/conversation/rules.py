@@ -31,6 +31,7 @@ from .steps import (
     Translate,
     Watch,
 )
+from .teaching import read_lesson
 
 NOTHING_TO_REPEAT = "I hold still, because there is nothing yet that I could do again."
 _TRANSLATE = "translate:"
@@ -62,6 +63,8 @@ def plan_by_phrases(words: str, situation: Situation) -> Step | None:
         return Imitate()
     if says(words, AGAIN):
         return Do(situation.last) if situation.last else Say(NOTHING_TO_REPEAT)
+    if lesson := read_lesson(words, situation):
+        return lesson
     reply = _reply_to(situation.open, words, situation) if situation.open else None
     return reply or _correction(words, situation)
 

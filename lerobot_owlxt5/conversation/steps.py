@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from ..backbones.understanding import Understood
-from ..commands.answer import Action, Request
+from ..commands.answer import Action, Request, Target
 from .lines import Line
 from .questions import Question
 
@@ -70,6 +70,26 @@ class Imitate:
 
 
 @dataclass(frozen=True)
+class Teach:
+    """Remember what a thing looks like.
+
+    Attributes:
+        name: What it is called from now on.
+        subject: Which one it is; None: "this".
+    """
+
+    name: str
+    subject: Target | None = None
+
+
+@dataclass(frozen=True)
+class Forget:
+    """Forget a thing that was taught, by its name."""
+
+    name: str
+
+
+@dataclass(frozen=True)
 class Translate:
     """Say a sentence in German."""
 
@@ -89,7 +109,7 @@ class Remark:
     then: "Step"
 
 
-Step = Say | Ask | Do | Stop | GoHome | Watch | Describe | Imitate | Translate | Remark
+Step = Say | Ask | Do | Stop | GoHome | Watch | Describe | Imitate | Teach | Forget | Translate | Remark
 
 
 @dataclass(frozen=True)
@@ -125,6 +145,7 @@ class Situation:
         seen: What the things are called that were seen at the last look, from left to right.
         before: What was said last, the oldest first, without the words to decide about.
         watching: Whether the robot watches how its arms are moved.
+        taught: Names that somebody has taught it.
     """
 
     understand: Callable[[str], Understood]
@@ -133,6 +154,7 @@ class Situation:
     seen: tuple[str, ...] = ()
     before: tuple[Line, ...] = ()
     watching: bool = False
+    taught: tuple[str, ...] = ()
 
 
 class Planner(Protocol):

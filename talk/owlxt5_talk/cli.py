@@ -6,6 +6,7 @@ import os
 import secrets
 import threading
 from dataclasses import dataclass
+from pathlib import Path
 
 from lerobot.configs import parser
 from lerobot.robots import Robot
@@ -37,6 +38,8 @@ class TalkConfig:
     objects: str = "claeo"
     # How it stands there at first: slots or free.
     placement: str = "slots"
+    # File that keeps what things look like that people teach the robot; without one it forgets them.
+    taught: Path | None = None
 
     def check(self) -> None:
         """Check the options.
@@ -56,18 +59,21 @@ class TalkConfig:
         return ["policy"]
 
 
-def make_visitors(most: int, table: Table, planner: ChatPlanner | None = None) -> Visitors:
+def make_visitors(
+    most: int, table: Table, planner: ChatPlanner | None = None, taught: Path | None = None
+) -> Visitors:
     """All who will come: each gets a world with a robot, a policy and a conversation of their own.
 
     Args:
         most: So many at once.
         table: What they find.
         planner: Decides what the robots do; rules if None.
+        taught: File that keeps what people teach them.
 
     Raises:
         ValueError, OSError: If the policy cannot be had.
     """
-    make_policy = policy_maker()
+    make_policy = policy_maker(taught)
 
     def make_world(chosen: Table) -> World:
         policy, processors = make_policy()
@@ -90,7 +96,7 @@ def _talk(config: TalkConfig) -> None:
     if planner:
         server = planner.server
         print(f"The model {server.model} at {server.host} plans: what people say goes there too.", flush=True)
-    visitors = make_visitors(config.visitors, table, planner)
+    visitors = make_visitors(config.visitors, table, planner, config.taught)
     page = build_page(visitors, table, sends_words=planner is not None)
     try:
         address = open_page(page, config.host, config.port)

@@ -1,20 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page's own part in the browser: naming things, speaking and listening. It sends nothing anywhere.
 (() => {
-  const box = () => document.querySelector("#words textarea, #words input");
+  const input = (id) => document.querySelector(`#${id} textarea, #${id} input`);
+  const box = () => input("words");
   const language = () => document.documentElement.lang || "en";
 
-  function write(words) {
-    const field = box();
+  function fill(field, words) {
     field.value = words;
     field.dispatchEvent(new Event("input", { bubbles: true }));
-    field.focus();
+  }
+
+  function write(words) {
+    fill(box(), words);
+    box().focus();
   }
 
   // A thing in the picture was chosen: its name comes behind what is written already.
   document.addEventListener("click", (event) => {
     const thing = event.target.closest("[data-thing]");
-    if (thing) write([box().value.trimEnd(), `the ${thing.dataset.thing}`].filter(Boolean).join(" "));
+    if (thing) return write([box().value.trimEnd(), `the ${thing.dataset.thing}`].filter(Boolean).join(" "));
+    // Somebody points at a place where the robot sees nothing yet.
+    const picture = event.target.closest("#seen")?.querySelector("img");
+    if (!picture) return;
+    const { left, top, width, height } = picture.getBoundingClientRect();
+    fill(input("place"), `${(event.clientX - left) / width} ${(event.clientY - top) / height}`);
+    box().focus();
   });
 
   let aloud = false;

@@ -62,6 +62,7 @@ def build_page(visitors: Visitors, table: Table, sends_words: bool = False) -> g
                 with gr.Column(elem_id="seen"):
                     eyes = _picture("eyes", "What NICO sees / Was NICO sieht")
                     things = gr.HTML(elem_id="things", js_on_load=None)
+                place = gr.Textbox(elem_id="place", visible="hidden")
                 status = gr.HTML(show.said_politely(english.preparing), elem_id="status", js_on_load=None)
             with gr.Column(scale=2, min_width=300):
                 chat = gr.Chatbot(
@@ -145,6 +146,10 @@ def build_page(visitors: Visitors, table: Table, sends_words: bool = False) -> g
             if visitor := visitors.find(request.session_hash):
                 visitor.home()
 
+        def point(where: str, request: gr.Request) -> None:
+            if visitor := visitors.find(request.session_hash):
+                visitor.point(str(where))
+
         def be_shown(request: gr.Request) -> None:
             if visitor := visitors.find(request.session_hash):
                 visitor.show()
@@ -160,6 +165,7 @@ def build_page(visitors: Visitors, table: Table, sends_words: bool = False) -> g
         )
         gr.on([say.click, words.submit], hear, words, words, **_QUIETLY)
         gr.on([new_scene.click, objects.input, placement.input], lay, [objects, placement], None, **_QUIETLY)
+        place.input(point, place, None, **_QUIETLY)
         stop.click(hold, None, None, queue=False, **_QUIETLY)
         home.click(go_home, None, None, **_QUIETLY)
         show_it.click(be_shown, None, None, **_QUIETLY)

@@ -13,8 +13,10 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
 import lerobot_policy_owlxt5  # noqa: F401  registers the policies and what their names must pass
 from lerobot_owlxt5 import MotionLibraryConfig, MotionLibraryPolicy
+from lerobot_owlxt5.backbones.taught import TaughtThings
 from lerobot_owlxt5.checkpoint import load_checkpoint, read_config
 from lerobot_owlxt5.executing_policy import ExecutingPolicy
+from lerobot_owlxt5.object_point import ObjectPoint
 from lerobot_owlxt5.trained import find_policy, is_there
 from nico_tabletop.configuration import ClaeoEnvConfig
 
@@ -22,7 +24,7 @@ Processors = tuple[Any, Any]
 """LeRobot's preprocessor and postprocessor of a policy."""
 
 
-def policy_maker() -> Callable[[], tuple[ExecutingPolicy, Processors]]:
+def policy_maker(taught: Path | None = None) -> Callable[[], tuple[ExecutingPolicy, Processors]]:
     """What copies the policy that was chosen; without a choice the trained one of the package.
 
     `--policy.path` chooses: a folder, or `motion_library`, which needs no training and is also taken where
@@ -30,12 +32,17 @@ def policy_maker() -> Callable[[], tuple[ExecutingPolicy, Processors]]:
     doing, and what "it" is. All is loaded now, in this thread: while transformers loads a model, no other
     thread may compute.
 
+    Args:
+        taught: File that keeps what things look like that people teach the robot.
+
     Raises:
-        ValueError: If there is no policy, or one that carries nothing out.
+        ValueError: If there is no policy, or one that carries nothing out; or if the file cannot be used.
         OSError: If its models cannot be loaded.
     """
     path = parser.get_path_arg("policy") or (find_policy() if is_there() else MotionLibraryPolicy.name)
     policy, processors = _motion_library() if path == MotionLibraryPolicy.name else _load(Path(path))
+    if taught is not None:
+        _keep(policy, taught)
     policy.understand("hello")  # loads what else is only loaded when it is asked
     weights = {id(tensor): tensor for tensor in (*policy.parameters(), *policy.buffers())}
 
@@ -43,6 +50,13 @@ def policy_maker() -> Callable[[], tuple[ExecutingPolicy, Processors]]:
         return deepcopy(policy, {**weights}), deepcopy(processors)
 
     return make
+
+
+def _keep(policy: ExecutingPolicy, taught: Path) -> None:
+    detector = policy.visual.detector if isinstance(policy.visual, ObjectPoint) else None
+    if detector is None or detector.taught is None:
+        raise ValueError(f"--taught={taught} is of no use: this policy cannot learn what things look like")
+    detector.taught = TaughtThings(detector.taught.detector, taught)
 
 
 def _load(path: Path) -> tuple[ExecutingPolicy, Processors]:

@@ -62,6 +62,13 @@ class Visitor:
         if words:
             self._order(lambda world: world.conversation.hear(words))
 
+    def point(self, place: str) -> None:
+        """Point at a place of the eyes' picture: two shares, such as "0.25 0.5"; other words are no place."""
+        shares = place.split()
+        with suppress(ValueError):
+            x, y = (min(max(float(share), 0.0), 1.0) for share in shares)
+            self._order(lambda world: world.conversation.point(x, y))
+
     def home(self) -> None:
         """Let the arms go home."""
         self._order(lambda world: world.conversation.home())

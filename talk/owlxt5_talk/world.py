@@ -81,6 +81,9 @@ class TalkingRobot(Protocol):
     def hear(self, words: str) -> None:
         """Take a sentence in."""
 
+    def point(self, x: float, y: float) -> None:
+        """Look where somebody points."""
+
     def tick(self) -> None:
         """Do what is to be done in one control period."""
 
