@@ -115,8 +115,7 @@ def test_somebody_talks_to_the_robot_in_a_browser(address: str, browser: Any) ->
     shows(page, "#status", "listening")
     shows(page, "#chat", "I stop")
 
-    seen = page.locator("#eyes img").bounding_box()
-    page.mouse.click(seen["x"] + 3, seen["y"] + 3)  # the wall
+    page.locator("#eyes img").click(position={"x": 3, "y": 3})  # the wall
     shows(page, "#chat", "I see nothing there")
 
     page.fill(WORDS, "<img src=x onerror=alert(1)> what do you see?")

@@ -126,7 +126,7 @@ class Conversation:
         self._take(self._planner(words, situation))
 
     def point(self, x: float, y: float) -> None:
-        """Look where somebody points, and say what is there: it is "this", and "it", from then on.
+        """Look where somebody points: what is there is "this" from then on, and "it" if it has a name.
 
         Args:
             x: Share of the image's width, from the left.
@@ -134,8 +134,10 @@ class Conversation:
         """
         said, thing = point_out(self._scene(), (x, y))
         self._point = x, y
-        self._speak_of(thing)
-        self._say(said)
+        if said:
+            self._say(said)
+        else:
+            self._speak_of(thing)
 
     def look(self) -> None:
         """Look at the table, without a word: `things` then has what is there.

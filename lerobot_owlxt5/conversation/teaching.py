@@ -69,14 +69,14 @@ Point = tuple[float, float]
 
 
 def point_out(scene: Scene | None, point: Point) -> tuple[str, Thing | None]:
-    """Say what somebody points at.
+    """Find what somebody points at.
 
     Args:
         scene: What is seen now; None for a policy that sees no objects.
         point: Where.
 
     Returns:
-        What to say, and the thing; None if nothing is there, or nothing that the robot has a name for.
+        What to say if the robot has no name for it, and the thing; None if nothing is there.
     """
     if scene is None:
         return NO_OBJECTS_SEEN, None
@@ -84,8 +84,8 @@ def point_out(scene: Scene | None, point: Point) -> tuple[str, Thing | None]:
     if thing is None:
         return NOTHING_THERE, None
     if all(thing.apart_from(other) for other in scene.things):
-        return UNKNOWN, None
-    return f"That is {with_article(thing.name)}, I think.", thing
+        return UNKNOWN, thing
+    return "", thing
 
 
 def teach(

@@ -15,16 +15,18 @@
     box().focus();
   }
 
-  // A thing in the picture was chosen: its name comes behind what is written already.
+  // Somebody points at the picture. The name of a chosen thing comes behind what is written already.
   document.addEventListener("click", (event) => {
-    const thing = event.target.closest("[data-thing]");
-    if (thing) return write([box().value.trimEnd(), `the ${thing.dataset.thing}`].filter(Boolean).join(" "));
-    // Somebody points at a place where the robot sees nothing yet.
     const picture = event.target.closest("#seen")?.querySelector("img");
     if (!picture) return;
     const { left, top, width, height } = picture.getBoundingClientRect();
-    fill(input("place"), `${(event.clientX - left) / width} ${(event.clientY - top) / height}`);
-    box().focus();
+    const thing = event.target.closest("[data-thing]");
+    const around = thing?.getBoundingClientRect();
+    const x = around ? around.left + around.width / 2 : event.clientX;
+    const y = around ? around.top + around.height / 2 : event.clientY;
+    fill(input("place"), `${(x - left) / width} ${(y - top) / height}`);
+    if (thing) write([box().value.trimEnd(), `the ${thing.dataset.thing}`].filter(Boolean).join(" "));
+    else box().focus();
   });
 
   let aloud = false;

@@ -165,7 +165,7 @@ def build_page(visitors: Visitors, table: Table, sends_words: bool = False) -> g
         )
         gr.on([say.click, words.submit], hear, words, words, **_QUIETLY)
         gr.on([new_scene.click, objects.input, placement.input], lay, [objects, placement], None, **_QUIETLY)
-        place.input(point, place, None, **_QUIETLY)
+        place.change(point, place, None, **_QUIETLY)
         stop.click(hold, None, None, queue=False, **_QUIETLY)
         home.click(go_home, None, None, **_QUIETLY)
         show_it.click(be_shown, None, None, **_QUIETLY)

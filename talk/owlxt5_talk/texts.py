@@ -36,7 +36,7 @@ class Texts:
 TEXTS = {
     ENGLISH: Texts(
         intro="NICO is simulated. It pushes, pulls and slides what stands on the table, if it sees it and "
-        "understands you. Click a thing in the picture to name it.",
+        "understands you. Click a thing to name it, or to teach it: this is a trophy.",
         sends_words="What you say also goes to a language model on another server.",
         chat="Conversation",
         words="Your words",
@@ -60,7 +60,8 @@ TEXTS = {
     ),
     GERMAN: Texts(
         intro="NICO ist simuliert. Er schiebt, zieht und verschiebt, was auf dem Tisch steht, wenn er es "
-        "sieht und Sie versteht. Klicken Sie ein Ding im Bild an, um es zu nennen.",
+        "sieht und Sie versteht. Klicken Sie ein Ding an, um es zu nennen oder um zu sagen, was es ist: Das "
+        "ist ein Pokal.",
         sends_words="Was Sie sagen, geht auch an ein Sprachmodell auf einem anderen Server.",
         chat="Gespräch",
         words="Ihre Worte",
