@@ -43,7 +43,8 @@ class BrightestPatch(torch.nn.Module):
             len(pixel_values), -1, -1
         )
         queries = len(input_ids) // len(pixel_values)
-        return SimpleNamespace(pred_boxes=boxes, logits=brightness[..., None].expand(-1, -1, queries) * 4 - 4)
+        logits = brightness[..., None].expand(-1, -1, queries) * 4 - 4
+        return SimpleNamespace(pred_boxes=boxes, logits=logits, class_embeds=None)
 
 
 def look_at_bright_patches(detector: ZeroShotDetector, monkeypatch: pytest.MonkeyPatch) -> None:
