@@ -2,25 +2,22 @@
 """What is shown and named is known again, and kept in a file."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 import torch
 from safetensors.torch import save_file
 
-from lerobot_owlxt5.backbones.appearance import (
-    ALIKE,
-    Appearance,
-    appearance_at,
-    as_score,
-    colours_in,
-    likeness,
-)
+from lerobot_owlxt5.backbones.appearance import ALIKE, Appearance, Patches, as_score, colours_in
 from lerobot_owlxt5.backbones.taught import MOST_LOOKS, TaughtThings
 from lerobot_owlxt5.backbones.understanding import Understood
 from lerobot_owlxt5.commands.answer import Hold, Target
 from lerobot_owlxt5.conversation.rules import plan_by_rules
 from lerobot_owlxt5.conversation.steps import Forget, Say, Situation, Step, Teach
+from lerobot_owlxt5.conversation.teaching import MOST_THINGS, NOT_WRITTEN, forget, teach
+from lerobot_owlxt5.scene import Scene
 
 LOOK = Appearance(torch.tensor([1.0, 0.0]), torch.tensor([0.0, 1.0]))
 
@@ -43,15 +40,15 @@ SAME_KIND = torch.tensor([[1.0, 0.0], [1.0, 0.0]])
 
 
 def test_of_two_things_of_a_kind_the_one_with_the_colours_is_known_again() -> None:
-    shown = appearance_at(torch.tensor(box(0.21)), image((0.2, RED), (0.8, BLUE)), BOXES, SAME_KIND)
-    found = likeness([shown], image((0.2, BLUE), (0.8, RED)), BOXES, SAME_KIND)
+    shown = Patches(image((0.2, RED), (0.8, BLUE)), BOXES, SAME_KIND).appearance(torch.tensor(box(0.21)))
+    found = Patches(image((0.2, BLUE), (0.8, RED)), BOXES, SAME_KIND).likeness([shown])
     assert found[1] == pytest.approx(2)
     assert found[0] < ALIKE < found[1]
 
 
 def test_the_best_look_counts() -> None:
-    looks = [appearance_at(BOXES[0], image((0.2, colour)), BOXES, SAME_KIND) for colour in (RED, BLUE)]
-    assert likeness(looks, image((0.2, BLUE)), BOXES, SAME_KIND)[0] == pytest.approx(2)
+    looks = [Patches(image((0.2, colour)), BOXES, SAME_KIND).appearance(BOXES[0]) for colour in (RED, BLUE)]
+    assert Patches(image((0.2, BLUE)), BOXES, SAME_KIND).likeness(looks)[0] == pytest.approx(2)
 
 
 def test_a_box_outside_the_image_has_no_colours() -> None:
@@ -152,6 +149,7 @@ def test_a_lesson(words: str, step: Step) -> None:
         "forget the ball",
         "forget it",
         "this is a 7",
+        f"this is a {'a' * 31}",
     ],
 )
 def test_no_lesson(words: str) -> None:
@@ -164,3 +162,27 @@ def test_rows_of_colours_do_not_depend_on_the_size() -> None:
         for size in (1, 3)
     )
     torch.testing.assert_close(*(colours_in(each, torch.tensor(box(0.5))) for each in (small, large)))
+
+
+def test_a_part_of_a_thing_is_no_second_one() -> None:
+    """The patch at a thing's edge proposes its right half, and looks nearly the same."""
+    boxes = torch.tensor([box(0.2), [0.2, 0.42, 0.29, 0.58], box(0.8)])
+    kinds = torch.tensor([[1.0, 0.0], [0.98, 0.2], [0.0, 1.0]])
+    seen = Patches(image((0.2, RED), (0.8, BLUE)), boxes, kinds)
+    assert seen.likeness([seen.appearance(boxes[0])])[:2].tolist() == [pytest.approx(2), 0]
+
+
+def test_a_look_does_not_grow_without_end() -> None:
+    names = [f"thing {number}" for number in range(MOST_THINGS)]
+    scene = cast(Scene, SimpleNamespace(can_be_taught=True, taught=names))
+    said, thing = teach(scene, Teach("padlock"), None, None)
+    assert (thing, said.endswith("for example: forget the thing 0.")) == (None, True)
+
+
+def test_a_file_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    things = TaughtThings("eyes", tmp_path / "things")
+    things.add("padlock", LOOK)
+    (tmp_path / "things").write_bytes(b"broken by somebody")
+    scene = cast(Scene, SimpleNamespace(forget=things.remove))
+    assert forget(scene, "padlock") == f"I no longer know what the padlock looks like. {NOT_WRITTEN}"
+    assert (tmp_path / "things").read_bytes() == b"broken by somebody"

@@ -34,40 +34,49 @@ class Appearance(NamedTuple):
     colours: Tensor
 
 
-def appearance_at(box: Tensor, image: Tensor, boxes: Tensor, embeddings: Tensor) -> Appearance:
-    """What the thing in a box looks like.
+class Patches:
+    """What a detector sees in each patch of an image, to compare it with looks.
 
     Args:
-        box: (4,), edges as shares of the image.
         image: (3, height, width) in [0, 1].
-        boxes: (patches, 4), those that the detector proposes.
+        boxes: (patches, 4), those that the detector proposes, edges as shares of the image.
         embeddings: (patches, dim), of norm 1.
     """
-    best = int(box_iou(box[None], boxes)[0].argmax())
-    return Appearance(embeddings[best].clone(), colours_in(image, boxes[best]))
 
+    def __init__(self, image: Tensor, boxes: Tensor, embeddings: Tensor) -> None:
+        self._image, self._boxes, self._embeddings = image, boxes, embeddings
+        self._colours: dict[int, Tensor] = {}
 
-def likeness(looks: Sequence[Appearance], image: Tensor, boxes: Tensor, embeddings: Tensor) -> Tensor:
-    """How much each patch's box shows something that looks so: (patches,), from 0 to 2; the best look counts.
+    def appearance(self, box: Tensor) -> Appearance:
+        """What the thing in a box (4,) looks like."""
+        best = int(box_iou(box[None], self._boxes)[0].argmax())
+        return Appearance(self._embeddings[best].clone(), self._colours_of(best))
 
-    Args:
-        looks: At one thing.
-        image: (3, height, width) in [0, 1].
-        boxes: (patches, 4), edges as shares of the image.
-        embeddings: (patches, dim), of norm 1.
-    """
-    alike = (embeddings @ torch.stack([look.embedding for look in looks]).to(embeddings).T).clamp(min=0)
-    colours = torch.stack([look.colours for look in looks]).to(embeddings)
-    found = alike.new_zeros(len(boxes))
-    for patch in alike.amax(dim=1).topk(min(MOST_PATCHES, len(boxes))).indices.tolist():
-        found[patch] = (alike[patch] + colours @ colours_in(image, boxes[patch])).max()
-    # A patch at a thing's edge may propose a part of it: it would be a second thing.
-    middle = (boxes[:, :2] + boxes[:, 2:]) / 2
-    for patch in found.argsort(descending=True)[:MOST_PATCHES].tolist():
-        inside = ((middle >= boxes[patch, :2]) & (middle <= boxes[patch, 2:])).all(dim=1)
-        inside[patch] = False
-        found[inside & (found <= found[patch])] = 0
-    return found
+    def likeness(self, looks: Sequence[Appearance]) -> Tensor:
+        """How much each patch shows a thing, of which there are some looks: (patches,), from 0 to 2.
+
+        The best look counts.
+        """
+        boxes, embeddings = self._boxes, self._embeddings
+        shown = torch.stack([look.embedding for look in looks]).to(embeddings)
+        colours = torch.stack([look.colours for look in looks]).to(embeddings)
+        alike = (embeddings @ shown.T).clamp(min=0)
+        found = alike.new_zeros(len(boxes))
+        for patch in alike.amax(dim=1).topk(min(MOST_PATCHES, len(boxes))).indices.tolist():
+            found[patch] = (alike[patch] + colours @ self._colours_of(patch)).max()
+        # A patch at a thing's edge may propose a part of it: it would be a second thing.
+        middle = (boxes[:, :2] + boxes[:, 2:]) / 2
+        for patch in found.argsort(descending=True)[:MOST_PATCHES].tolist():
+            inside = ((middle >= boxes[patch, :2]) & (middle <= boxes[patch, 2:])).all(dim=1)
+            inside[patch] = False
+            found[inside & (found <= found[patch])] = 0
+        return found
+
+    def _colours_of(self, patch: int) -> Tensor:
+        """Those in a patch's box; several things are compared with the same few patches."""
+        if patch not in self._colours:
+            self._colours[patch] = colours_in(self._image, self._boxes[patch])
+        return self._colours[patch]
 
 
 def as_score(found: Tensor, threshold: float) -> Tensor:

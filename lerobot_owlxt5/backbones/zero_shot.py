@@ -20,7 +20,7 @@ from transformers import (
 )
 
 from ..commands.parser import object_name
-from .appearance import appearance_at, as_score, likeness
+from .appearance import Patches, as_score
 from .detections import Candidates, Detector, Look
 from .pretrained import find_backbone, load_pretrained
 from .taught import TaughtThings
@@ -260,18 +260,18 @@ class ZeroShotDetector(Detector):
         """See `detections.Detector`."""
         found = self.look(observation)([[name]])
         assert self.taught is not None and found.embedding is not None
-        [image] = self._images(observation)
-        self.taught.add(object_name(name), appearance_at(box, image, found.box[0], found.embedding[0]))
+        patches = Patches(self._images(observation)[0], found.box[0], found.embedding[0])
+        self.taught.add(object_name(name), patches.appearance(box))
 
     def _know_again(self, images: Tensor, names: Sequence[Sequence[str]], found: Candidates) -> Candidates:
         """The same, but names that were taught are scored by what their things look like."""
         if not self.taught or found.embedding is None:
             return found
         for sample, asked in enumerate(names):
+            patches = Patches(images[sample], found.box[sample], found.embedding[sample])
             for column, name in enumerate(asked):
                 if name in self.taught:
-                    looks, image = self.taught[name], images[sample]
-                    alike = likeness(looks, image, found.box[sample], found.embedding[sample])
+                    alike = patches.likeness(self.taught[name])
                     found.score[sample, :, column] = as_score(alike, self.threshold)
         return found
 

@@ -18,9 +18,12 @@ logger = logging.getLogger(__name__)
 CANNOT_LEARN = "I cannot learn what things look like: my detector knows names alone."
 NOTHING_THERE = "I see nothing there."
 UNKNOWN = "I do not know what that is. Teach me, for example: this is a padlock."
-NOT_WRITTEN = "I know it again from now on, but I could not write it into the file."
-MOST_WORDS = 3
-"""A name has no more words: what is longer says something else (our decision)."""
+NOT_WRITTEN = "But I could not write that into the file."
+FULL = "I remember as many things as I can: tell me to forget one, for example: forget the {}."
+MOST_WORDS, MOST_LETTERS = 3, 30
+"""A name has no more: what is longer says something else (our decision)."""
+MOST_THINGS = 20
+"""So many things can be taught, as each makes a look longer (our decision)."""
 
 _BEFORE = r"(?:(?:no|nein|look|schau)\b[\s,!]*)?(?P<subject>.+?)"
 _ARTICLES = r"(?:an?|the|my|our|eine?|einen|der|die|das|meine?|meinen|unsere?)\s+"
@@ -61,7 +64,8 @@ def _name(words: str) -> str:
     """A name that can be taught; empty for words that say more."""
     said = said_words(words)
     name = object_name(plain(" ".join(said)))
-    return name if name and len(said) <= MOST_WORDS and all(word.isalpha() for word in name.split()) else ""
+    is_short = 0 < len(name) <= MOST_LETTERS and len(said) <= MOST_WORDS
+    return name if is_short and all(word.isalpha() for word in name.split()) else ""
 
 
 Point = tuple[float, float]
@@ -106,6 +110,8 @@ def teach(
         return NO_OBJECTS_SEEN, None
     if not scene.can_be_taught:
         return CANNOT_LEARN, None
+    if len(scene.taught) >= MOST_THINGS and lesson.name not in scene.taught:
+        return FULL.format(scene.taught[0]), None
     if lesson.subject:
         found = scene.find(Search(lesson.subject))
         if found.thing is None:
@@ -145,5 +151,5 @@ def _kept(said: str, change: Callable[[], None]) -> str:
         change()
     except (OSError, ValueError) as error:
         logger.warning("%s", error)
-        return NOT_WRITTEN
+        return f"{said} {NOT_WRITTEN}"
     return said
