@@ -13,10 +13,10 @@ from .commands.happened import Change
 from .commands.verbs import AWAY, CLOSER, LEFT, RIGHT
 from .scene import Scene, Thing
 
-STILL, OTHER_STILL = 0.007, 0.016
+STILL, OTHER_STILL = 0.007, 0.012
 """What is nearer to its old place did not move: the thing that was meant, and others.
 
-The robot nudges others by some millimetres as a hand comes home beside them. The world counts 1 cm.
+With 0.016 for others, some that a hand had nudged by 1 cm were not noticed. Rather tell of 4 mm.
 """
 # A thing that fell is flatter: its box has less than this share of its height over width before.
 _FLATTER, _UPRIGHT = 0.7, 1.1
