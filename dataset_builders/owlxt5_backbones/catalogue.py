@@ -135,7 +135,9 @@ def _cube(new: InstanceBuilder) -> None:
 
 def _sphere(new: InstanceBuilder) -> None:
     radius = new.uniform(0.017, 0.033)
-    new.turn(_ball(radius), new.colour())
+    # Fruits are round and have these colours too: what tells balls from them takes many examples.
+    among = ("orange", "red", "yellow") if new.chance(0.4) else ()
+    new.turn(_ball(radius), new.colour(*among))
     if new.chance(0.6):  # a stripe, level or not
         width, lean = new.uniform(6, 22), 60 if new.chance(0.7) else 6
         tilt = (new.uniform(-lean, lean), new.uniform(-lean, lean), 0.0)

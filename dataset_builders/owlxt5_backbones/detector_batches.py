@@ -23,10 +23,12 @@ _ALL_PATCHES = 0.1
 # Patches whose middle lies in this inner share of a box are to find it.
 _INNER = 0.8
 _FAR = 4.0  # more than any squared distance in a square with edges of 1
+# What cheap cameras do, each to this share of the images: blur (standard deviation, pixels), JPEG (quality).
+_EFFECT, _BLUR, _QUALITY = 0.3, (0.2, 2.0), (25, 90)
 
 
 class Collator:
-    """Makes a batch of images, flipped and relit, with queries of their own.
+    """Makes a batch of images, blurred, compressed, flipped and relit, with queries of their own.
 
     What it draws follows from PyTorch's generator, of which each worker of a data loader has its own.
 
@@ -41,6 +43,8 @@ class Collator:
         self._processor = processor
         self._edge = processor.image_processor.size["width"]  # type: ignore[attr-defined]
         self._side, self._patches = side, patches
+        effects = (v2.GaussianBlur(9, _BLUR), v2.JPEG(_QUALITY))
+        self._worsen = v2.Compose([v2.RandomApply([effect], _EFFECT) for effect in effects])
         light = v2.ColorJitter(brightness=0.25, contrast=0.25, saturation=0.25)
         self.relight = v2.Compose([light, v2.GaussianNoise(sigma=0.02)])
 
@@ -84,7 +88,7 @@ class Collator:
 
     def _prepare(self, pixels: NDArray[np.uint8], flipped: bool) -> Tensor:
         """As large as the model wants it: OWLv2's processor, whose blur is slow, has nothing to shrink."""
-        image = torch.from_numpy(pixels).permute(2, 0, 1)
+        image = self._worsen(torch.from_numpy(pixels).permute(2, 0, 1))
         height, width = image.shape[-2:]
         scale = self._edge / max(height, width)
         image = v2.functional.resize(image, [round(height * scale), round(width * scale)], antialias=False)

@@ -31,7 +31,8 @@ _TRIES = 200
 _FEWEST_PIXELS = 40
 _TWINS = 0.4
 _ROBOT_HIDDEN, _ARMS_ELSEWHERE = 0.15, 0.4
-_CAMERA_SHIFT, _CAMERA_TURN, _ZOOM = 0.008, 2.0, 2.5  # metres and degrees, standard deviations
+_PLAIN_TABLE = 0.15
+_CAMERA_SHIFT, _CAMERA_TURN, _ZOOM = 0.012, 2.0, 2.5  # metres and degrees, standard deviations
 
 
 class RandomScenes:
@@ -92,12 +93,14 @@ class RandomScenes:
         return np.array([geom for geom, body in enumerate(self._model.geom_bodyid) if body not in named])
 
     def _paint_textures(self) -> None:
-        """Another wood: the texture's two colours become two others."""
+        """Another wood: the texture's two colours become two others; some tables are plain and bright."""
         model, texture = self._model, self._model.texture("wood")
         start, size = int(texture.adr[0]), int(texture.height[0] * texture.width[0] * texture.nchannel[0])
         pixels = model.tex_data[start : start + size].reshape(-1, 3)
         base = self._rng.uniform(60, 245) * (1 + self._rng.uniform(-0.3, 0.3, 3))
         marks = base * self._rng.uniform(0.6, 1.15)
+        if self._rng.random() < _PLAIN_TABLE:
+            base = marks = self._rng.uniform(200, 255) * (1 + self._rng.uniform(-0.05, 0.05, 3))
         marked = (pixels != pixels[0]).any(axis=1)
         pixels[:] = np.clip(np.where(marked[:, None], marks, base), 0, 255).astype(np.uint8)
         model.mat_texrepeat[model.material("wood").id] = self._rng.uniform(0.7, 6, 2)
