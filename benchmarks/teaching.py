@@ -27,7 +27,7 @@ from nico_tabletop.placement import draw_poses
 from nico_tabletop.robot import EYES
 from nico_tabletop.simulation import TabletopSimulation
 from owlxt5_backbones.catalogue import HELD_OUT
-from owlxt5_backbones.evaluate_detector import CAMERA, CLOSE, on_table
+from owlxt5_backbones.evaluate_detector import CAMERA, CLOSE, distance_on_table
 
 SIZE = (240, 320)
 
@@ -67,9 +67,8 @@ class Eyes:
 
     def distance(self, thing: Thing, name: str) -> float:
         """How far a thing that was seen is from where an object stands, metres."""
-        middles = [(box[:2] + box[2:]) / 2 for box in (thing.box.numpy(), self._box(name))]
-        places = [on_table(self._simulation, middle, SIZE) for middle in middles]
-        return float(np.linalg.norm(places[0] - places[1]))
+        seen, true = ((box[:2] + box[2:]) / 2 for box in (thing.box.numpy(), self._box(name)))
+        return distance_on_table(self._simulation, seen, true, SIZE)
 
     def _box(self, name: str) -> NDArray[np.float64]:
         """Of an object that is there, from the simulator."""

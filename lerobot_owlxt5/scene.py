@@ -8,7 +8,7 @@ from typing import Any
 
 from torch import Tensor
 
-from .backbones.detections import Detector, Look
+from .backbones.detections import Candidates, Detector, Look
 from .commands.answer import Landmark, Target
 from .commands.colours import COLOURS, basic_colour, split_colour
 from .commands.parser import object_name, with_article
@@ -92,9 +92,6 @@ class Scene:
         observation: Features `observation.*` of one sample, (1, ...).
         labels: Names of what may be there, beside everyday things.
         in_english: What a name is called in English. It returns an English or unknown one as it is.
-
-    Attributes:
-        taught: Names that the detector was taught before.
     """
 
     def __init__(
@@ -105,13 +102,17 @@ class Scene:
         in_english: Callable[[str], str],
     ) -> None:
         self._detector, self._observation = detector, observation
-        self.taught = [*(detector.taught or ())]
         self._labels = [*dict.fromkeys([*self.taught, *map(object_name, labels), *THINGS])]
         self._in_english = in_english
 
     @cached_property
     def _look(self) -> Look:
         return self._detector.look(self._observation)
+
+    @cached_property
+    def _proposed(self) -> Candidates:
+        """All boxes, scored for all labels."""
+        return self._look([self._labels])
 
     def find(self, search: Search) -> Found:
         """Find the one thing that is meant, or say what is seen."""
@@ -147,6 +148,11 @@ class Scene:
         """Whether the detector can remember what a thing looks like."""
         return self._detector.taught is not None
 
+    @property
+    def taught(self) -> list[str]:
+        """Names that the detector was taught, the oldest first."""
+        return [*(self._detector.taught or ())]
+
     def forget(self, name: str) -> None:
         """Forget what a thing looks like that was taught.
 
@@ -173,7 +179,7 @@ class Scene:
     @cached_property
     def things(self) -> list[Thing]:
         """All that is seen, each by its best label, from left to right."""
-        found = self._look([self._labels]).things(self._detector.threshold)
+        found = self._proposed.things(self._detector.threshold)
         best = found.score.argmax(dim=1).tolist()
         things = [Thing(self._labels[label], found.box[place, label]) for place, label in enumerate(best)]
         return sorted(things, key=lambda thing: thing.place.x)
@@ -183,8 +189,7 @@ class Scene:
 
         It may score too little to be among `things`: then somebody has to point at it.
         """
-        found = self._look([self._labels])
-        box, score = found.box[0], found.score[0]
+        box, score = self._proposed.box[0], self._proposed.score[0]
         point = box.new_tensor([x, y])
         there = ((box[:, :2] <= point) & (point <= box[:, 2:])).all(dim=1)
         there &= (box[:, 2:] - box[:, :2]).prod(dim=1) < _LARGEST

@@ -81,8 +81,7 @@ def evaluate_detector(
             if meant in truth:
                 box = truth[meant]
                 middle = (box[:2] + box[2:]) / 2
-                places = [on_table(simulation, point, size) for point in (np.asarray(centre), middle)]
-                right = seen and float(np.linalg.norm(places[0] - places[1])) <= CLOSE
+                right = seen and distance_on_table(simulation, np.asarray(centre), middle, size) <= CLOSE
                 counts["present"] += 1
                 counts["found"] += right
                 false_negatives[query] += not right
@@ -106,16 +105,28 @@ def _arrangements(names: Sequence[str], rng: np.random.Generator, count: int) ->
         yield tuple(rng.choice(np.array(names), 3, replace=False).tolist())
 
 
-def on_table(
-    simulation: TabletopSimulation, point: NDArray[np.floating], size: tuple[int, int]
-) -> NDArray[np.float64]:
-    """Where a point of the image, shares of its width and height, lies just above the table, metres.
+def distance_on_table(
+    simulation: TabletopSimulation,
+    one: NDArray[np.floating],
+    other: NDArray[np.floating],
+    size: tuple[int, int],
+) -> float:
+    """How far apart two points of the eyes' image lie, just above the table, metres.
 
     Args:
         simulation: Whose eyes see the image.
-        point: (2,).
+        one: (2,), shares of the image's width and height.
+        other: The same.
         size: Height and width of the image, pixels.
     """
+    places = [_on_table(simulation, point, size) for point in (one, other)]
+    return float(np.linalg.norm(places[0] - places[1]))
+
+
+def _on_table(
+    simulation: TabletopSimulation, point: NDArray[np.floating], size: tuple[int, int]
+) -> NDArray[np.float64]:
+    """Where a point of the image, shares of its width and height, lies just above the table, metres."""
     camera = simulation.data.camera(EYES)
     half = np.tan(np.deg2rad(simulation.model.camera(EYES).fovy[0]) / 2)
     x, y = (2 * np.asarray(point, dtype=np.float64) - 1) * [half * size[1] / size[0], -half]

@@ -3,7 +3,7 @@
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import torch
@@ -17,7 +17,7 @@ MOST_LOOKS = 5
 _DETECTOR, _NAMES = "detector", "names"
 
 
-class TaughtThings:
+class TaughtThings(Mapping[str, tuple[Appearance, ...]]):
     """Names, and the last looks at what is called so.
 
     Args:
@@ -40,10 +40,6 @@ class TaughtThings:
     def __len__(self) -> int:
         """How many things were taught."""
         return len(self._looks)
-
-    def __contains__(self, name: str) -> bool:
-        """Whether a name was taught."""
-        return name in self._looks
 
     def __getitem__(self, name: str) -> tuple[Appearance, ...]:
         """The last looks at a thing."""

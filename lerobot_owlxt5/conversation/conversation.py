@@ -132,12 +132,15 @@ class Conversation:
             x: Share of the image's width, from the left.
             y: Share of its height, from above.
         """
-        said, thing = point_out(self._scene(), (x, y))
+        scene = self._scene_or_say()
+        if scene is None:
+            return
         self._point = x, y
-        if said:
-            self._say(said)
+        seen = point_out(scene, self._point)
+        if isinstance(seen, str):
+            self._say(seen)
         else:
-            self._speak_of(thing)
+            self._speak_of(seen)
 
     def look(self) -> None:
         """Look at the table, without a word: `things` then has what is there.
@@ -201,7 +204,8 @@ class Conversation:
             case Teach():
                 self._learn(step)
             case Forget(name):
-                self._say(forget(self._last_scene, name))
+                if scene := self._last_scene:
+                    self._say(forget(scene, name))
             case Translate(sentence):
                 self._translate(sentence)
             case Remark(text, then):
@@ -293,9 +297,8 @@ class Conversation:
         if question.kind in _OF_MEMORY:
             self._say(self._memory.answer(question))
             return
-        scene = self._scene()
+        scene = self._scene_or_say()
         if scene is None:
-            self._say(NO_OBJECTS_SEEN)
             return
         text, thing = answer(question, scene)
         self._speak_of(thing)
@@ -322,7 +325,10 @@ class Conversation:
     def _learn(self, lesson: Teach) -> None:
         """Stop, and remember what a thing looks like that somebody shows."""
         self._halt()
-        said, thing = teach(self._scene(), lesson, self._point, self.looking_at)
+        scene = self._scene_or_say()
+        if scene is None:
+            return
+        said, thing = teach(scene, lesson, self._point, self.looking_at)
         if thing:
             self._speak_of(thing)
             self.look()
@@ -333,6 +339,13 @@ class Conversation:
         """What was seen at the last look; None before the first."""
         scenes = self._policy.sight.last
         return scenes[0] if scenes else None
+
+    def _scene_or_say(self) -> Scene | None:
+        """What is seen now; where the policy sees no objects, that is said."""
+        scene = self._scene()
+        if scene is None:
+            self._say(NO_OBJECTS_SEEN)
+        return scene
 
     def _scene(self) -> Scene | None:
         """What is seen now; None for a policy that sees no objects."""

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from ..commands.answer import Target, said_words
 from ..commands.instruction import target_of
 from ..commands.parser import object_name, plain, with_article
-from ..commands.replies import NO_OBJECTS_SEEN, listed
+from ..commands.replies import listed
 from ..scene import Scene, Search, Thing
 from .fragments import which
 from .steps import Forget, Situation, Teach
@@ -24,6 +24,9 @@ MOST_WORDS, MOST_LETTERS = 3, 30
 """A name has no more: what is longer says something else (our decision)."""
 MOST_THINGS = 20
 """So many things can be taught, as each makes a look longer (our decision)."""
+
+Point = tuple[float, float]
+"""Of an image: shares of its width and height."""
 
 _BEFORE = r"(?:(?:no|nein|look|schau)\b[\s,!]*)?(?P<subject>.+?)"
 _ARTICLES = r"(?:an?|the|my|our|eine?|einen|der|die|das|meine?|meinen|unsere?)\s+"
@@ -68,37 +71,21 @@ def _name(words: str) -> str:
     return name if is_short and all(word.isalpha() for word in name.split()) else ""
 
 
-Point = tuple[float, float]
-"""Of an image: shares of its width and height."""
-
-
-def point_out(scene: Scene | None, point: Point) -> tuple[str, Thing | None]:
-    """Find what somebody points at.
-
-    Args:
-        scene: What is seen now; None for a policy that sees no objects.
-        point: Where.
-
-    Returns:
-        What to say if the robot has no name for it, and the thing; None if nothing is there.
-    """
-    if scene is None:
-        return NO_OBJECTS_SEEN, None
+def point_out(scene: Scene, point: Point) -> Thing | str:
+    """Find what somebody points at; or say why the robot has no name for it."""
     thing = scene.at(*point)
     if thing is None:
-        return NOTHING_THERE, None
-    if all(thing.apart_from(other) for other in scene.things):
-        return UNKNOWN, thing
-    return "", thing
+        return NOTHING_THERE
+    return UNKNOWN if all(thing.apart_from(other) for other in scene.things) else thing
 
 
 def teach(
-    scene: Scene | None, lesson: Teach, point: Point | None, spoken_of: Thing | None
+    scene: Scene, lesson: Teach, point: Point | None, spoken_of: Thing | None
 ) -> tuple[str, Thing | None]:
     """Remember what a thing looks like.
 
     Args:
-        scene: What is seen now; None for a policy that sees no objects.
+        scene: What is seen now.
         lesson: What the person said.
         point: Where they pointed before, since the last movement.
         spoken_of: What was spoken of last.
@@ -106,29 +93,28 @@ def teach(
     Returns:
         What to say, and the thing under its new name; None if nothing was learnt.
     """
-    if scene is None:
-        return NO_OBJECTS_SEEN, None
     if not scene.can_be_taught:
         return CANNOT_LEARN, None
     if len(scene.taught) >= MOST_THINGS and lesson.name not in scene.taught:
         return FULL.format(scene.taught[0]), None
+    thing = _meant(scene, lesson, point, spoken_of)
+    if isinstance(thing, str):
+        return thing, None
+    said = f"I called it {with_article(thing.name)}, and remember now what the {lesson.name} looks like."
+    return _kept(said, lambda: scene.teach(thing, lesson.name)), Thing(lesson.name, thing.box)
+
+
+def _meant(scene: Scene, lesson: Teach, point: Point | None, spoken_of: Thing | None) -> Thing | str:
+    """Which thing is to be remembered; or what to say where that is not clear."""
     if lesson.subject:
         found = scene.find(Search(lesson.subject))
-        if found.thing is None:
-            return found.problem, None
-        thing = found.thing
-    else:
-        one = scene.at(*point) if point else _this(scene.things, spoken_of)
-        if one is None and not scene.things:
-            return NOTHING_THERE, None
-        if one is None:
-            names = [f"the {each.name}" for each in scene.things]
-            example = f"{names[0]} is {with_article(lesson.name)}"
-            return f"I see {listed(names, 'and')}. Which one is it? Say, for example: {example}.", None
-        thing = one
-    said = f"I called it {with_article(thing.name)}, and remember now what the {lesson.name} looks like."
-    said = _kept(said, lambda: scene.teach(thing, lesson.name))
-    return said, Thing(lesson.name, thing.box)
+        return found.thing or found.problem
+    thing = scene.at(*point) if point else _this(scene.things, spoken_of)
+    if thing or not scene.things:
+        return thing or NOTHING_THERE
+    names = [f"the {each.name}" for each in scene.things]
+    example = f"{names[0]} is {with_article(lesson.name)}"
+    return f"I see {listed(names, 'and')}. Which one is it? Say, for example: {example}."
 
 
 def _this(things: list[Thing], spoken_of: Thing | None) -> Thing | None:
@@ -139,9 +125,8 @@ def _this(things: list[Thing], spoken_of: Thing | None) -> Thing | None:
     return there[0] if len(there) == 1 else None
 
 
-def forget(scene: Scene | None, name: str) -> str:
+def forget(scene: Scene, name: str) -> str:
     """Forget what a thing looks like that was taught; what to say."""
-    assert scene is not None
     return _kept(f"I no longer know what the {name} looks like.", lambda: scene.forget(name))
 
 
