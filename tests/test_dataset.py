@@ -5,6 +5,7 @@ import json
 import pickle
 import shlex
 from dataclasses import replace
+from itertools import islice, permutations
 from pathlib import Path
 
 import draccus
@@ -19,16 +20,19 @@ from clant_claeo.builder import build_dataset
 from clant_claeo.card import read_build
 from clant_claeo.cli import DatasetConfig
 from clant_claeo.demonstrations import from_release, scripted
+from clant_claeo.follow_up import begin
 from clant_claeo.release import Release
 from clant_claeo.sentences import named_thing
 from commands import run, run_anyway
 from nico_tabletop.configuration import ClantEnvConfig
 from nico_tabletop.env import NAME_BYTES
 from nico_tabletop.objects import read_objects
-from nico_tabletop.placement import Pose
+from nico_tabletop.placement import SLOT_POSES, OutOfReachError, Pose
+from nico_tabletop.replay import replay
 from nico_tabletop.robot import INITIAL_POSE_DEG, JOINT_NAMES
 from nico_tabletop.scoring import Outcome
-from nico_tabletop.tasks import ACTIONS
+from nico_tabletop.simulation import TabletopSimulation
+from nico_tabletop.tasks import ACTIONS, VERBS
 from nico_tabletop.variation import Conditions, Variation
 from test_release import replace_line, write_release
 
@@ -217,6 +221,48 @@ def test_the_command_varies_what_is_seen_and_where_it_starts(tmp_path: Path):
     assert f"pretrained_model {build.environment}\n" in (root / "README.md").read_text(encoding="utf-8")
 
 
+def test_a_share_of_the_demonstrations_follows_another_movement():
+    plain = list(islice(scripted("claeo", "free", 3), 360))
+    some, again = (list(islice(scripted("claeo", "free", 3, follow_ups=0.25), 360)) for _ in range(2))
+    assert [d.before for d in some] == [d.before for d in again]
+    assert [d.poses for d in some] == [d.poses for d in plain]
+    following = [d for d in some if d.before]
+    assert len(following) == pytest.approx(len(some) / 4, rel=0.15)
+    assert {(d.before, d.action.verb) for d in following} == set(permutations(VERBS, 2))
+    assert not any(d.before for d in plain)
+
+
+def test_a_push_may_begin_where_a_pull_left_its_object_between_the_fingers():
+    demonstration = next(scripted("clant"))
+    assert demonstration.action.name == "PUSH-L"
+    simulation = TabletopSimulation(read_objects("clant"))
+    pulled = begin(simulation, replace(demonstration, before=VERBS[1]))
+    near, *others = pulled.poses
+    assert SLOT_POSES[0].x - 0.08 < near.x < SLOT_POSES[0].x - 0.03
+    np.testing.assert_allclose(
+        [pose[:2] for pose in others], [pose[:2] for pose in SLOT_POSES[1:]], atol=1e-3
+    )
+    np.testing.assert_allclose(pulled.joints[0], INITIAL_POSE_DEG, atol=3)
+    simulation.reset(pulled.arrangement, pulled.poses, pulled.conditions)
+    assert replay(simulation, pulled.action, pulled.joints) is Outcome.PERFECT
+    beyond = replace(demonstration, before=VERBS[1], poses=(Pose(0.6, 0.2), *SLOT_POSES[1:]))
+    with pytest.raises(OutOfReachError, match="PULL-L"):
+        begin(simulation, beyond)
+
+
+def test_the_command_records_what_came_before(tmp_path: Path):
+    root = tmp_path / "followed"
+    run("owlxt5-dataset", "--follow_ups=1", "--shard=1/4", f"--root={root}", *SMALL)
+    dataset = LeRobotDataset("local/clant", root=root, video_backend="pyav")
+    for start in dataset.meta.episodes["dataset_from_index"]:
+        [scene] = map(json.loads, language(dataset, start)["scene"])
+        assert scene["before"] in {verb.name for verb in VERBS} - {dataset[start]["task"].split()[0]}
+        assert scene["conditions"].keys() == {"arms_deg"}
+    build = read_build(root)
+    assert build is not None
+    assert "--follow_ups=1.0" in build.command
+
+
 def test_the_releases_images_may_vary_and_its_movements_not(clant_release: Release):
     varied = list(from_release(clant_release, variation=Variation(light=0.5, noise=5)))
     assert len({demonstration.conditions for demonstration in varied}) == 1440
@@ -250,9 +296,10 @@ def test_demonstrations_that_fail_are_not_written(tmp_path: Path):
     [
         (("--placement=free", "--source=/nowhere"), "--placement=free needs --source=scripted"),
         (("--placement=anywhere",), "placement must be one of slots, free, mixed; got 'anywhere'"),
+        (("--follow_ups=2",), "--follow_ups is a share from 0 to 1; got 2"),
     ],
 )
-def test_a_placement_that_cannot_be_is_refused(tmp_path: Path, options: tuple[str, ...], message: str):
+def test_places_and_shares_that_cannot_be_are_refused(tmp_path: Path, options: tuple[str, ...], message: str):
     done = run_anyway("owlxt5-dataset", f"--root={tmp_path / 'data'}", *options)
     assert done.returncode == 1
     assert message in done.stdout

@@ -39,7 +39,9 @@ class DatasetConfig:
     placement: str = "slots"
     # How much each demonstration may differ from the paper's setting, such as `--variation.arms_deg=5`.
     variation: Variation = field(default_factory=Variation)
-    # Seed of the free placement, of the variation, and of the scripted source's sentences to translate.
+    # Share of the scripted demonstrations that begin where another movement left the object and the arms.
+    follow_ups: float = 0.0
+    # Seed of the free placement, of the variation, of what comes before, and of the sentences to translate.
     seed: int = 0
     # Name on the Hub; `local/<objects>` when unset.
     repo_id: str | None = None
@@ -87,7 +89,11 @@ def _command(config: DatasetConfig) -> str:
 
 def _demonstrations(config: DatasetConfig) -> list[Demonstration]:
     if config.source == "scripted":
-        found = list(scripted(config.objects, config.placement, config.seed, config.variation))
+        found = list(
+            scripted(config.objects, config.placement, config.seed, config.variation, config.follow_ups)
+        )
+    elif config.follow_ups:
+        raise ValueError("the release's movements begin at rest: --follow_ups needs --source=scripted")
     elif config.placement != "slots":
         raise ValueError("the release's trajectories fit its slots: --placement=free needs --source=scripted")
     else:
@@ -116,6 +122,8 @@ def _shard(text: str | None) -> tuple[int, int]:
 def _check(config: DatasetConfig) -> None:
     """Refuse before anything is made what libraries would refuse in the middle of it."""
     check_image_size(config.height, config.width)
+    if not 0 <= config.follow_ups <= 1:
+        raise ValueError(f"--follow_ups is a share from 0 to 1; got {config.follow_ups}")
     if config.video and (config.height % 2 or config.width % 2):
         raise ValueError(
             f"--height and --width of a video must be even; got {config.height} and {config.width} "

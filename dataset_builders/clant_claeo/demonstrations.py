@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from nico_tabletop.objects import read_objects
 from nico_tabletop.placement import SLOT_POSES, Poses, find_placement
 from nico_tabletop.starts import draw_conditions
-from nico_tabletop.tasks import ACTIONS, Action, arrangements, find_action
+from nico_tabletop.tasks import ACTIONS, VERBS, Action, Verb, arrangements, find_action
 from nico_tabletop.variation import Conditions, Variation
 
 from .release import Arrangement, Release, Split
@@ -19,7 +19,7 @@ from .sentences import sentence_about
 from .wordings import wordings
 
 _ARRANGEMENTS = 120  # of CLANT: all ordered triples of its six cubes
-_OF_SENTENCES, _OF_CONDITIONS = 1, 2  # tell their random numbers from those of the poses
+_OF_SENTENCES, _OF_CONDITIONS, _OF_FOLLOW_UPS = 1, 2, 3  # tell their random numbers from those of the poses
 
 
 # The slots are the same in all arrangements: twelve plans serve 1440 demonstrations.
@@ -43,6 +43,7 @@ class Demonstration:
         translation: An English sentence and its German translation.
         split: `train` or `test`.
         conditions: In which way poses, arms, camera, light and table differ from the paper's setting.
+        before: What is done to the same object first, unrecorded, see `follow_up`; None: nothing.
     """
 
     action: Action
@@ -53,6 +54,7 @@ class Demonstration:
     translation: tuple[str, str]
     split: Split
     conditions: Conditions = field(default_factory=Conditions)
+    before: Verb | None = None
 
     @property
     def task(self) -> str:
@@ -128,8 +130,19 @@ def _spread(names: tuple[str, ...]) -> list[Arrangement]:
     return [every[index] for index in sorted(chosen)]
 
 
+def _before(action: Action, follow_ups: float, random: np.random.Generator) -> Verb | None:
+    """The verb of the movement before: none, or with the probability `follow_ups` another one."""
+    others = [verb for verb in VERBS if verb != action.verb]
+    drawn = others[random.integers(len(others))]
+    return drawn if random.random() < follow_ups else None
+
+
 def scripted(
-    objects: str, placement: str = "slots", seed: int = 0, variation: Variation | None = None
+    objects: str,
+    placement: str = "slots",
+    seed: int = 0,
+    variation: Variation | None = None,
+    follow_ups: float = 0.0,
 ) -> Iterator[Demonstration]:
     """The twelve actions in 120 arrangements, acted by the scripted expert.
 
@@ -149,6 +162,7 @@ def scripted(
         placement: `slots`, `free` or `mixed`.
         seed: Of the free placement, of the sentences and of the conditions.
         variation: How much each demonstration may differ from the paper's setting; None: not at all.
+        follow_ups: Share of the demonstrations that follow another movement of the same object.
 
     Raises:
         ModuleNotFoundError: If the extra `scripted` (mink) is not installed.
@@ -167,4 +181,5 @@ def scripted(
             poses = draw(np.random.default_rng((seed, k)))
             sentence = sentence_about(arrangement, np.random.default_rng((seed, k, _OF_SENTENCES)))
             conditions = _conditions(variation or Variation(), poses, seed, k)
-            yield Demonstration(action, arrangement, poses, None, words, sentence, split, conditions)
+            before = _before(action, follow_ups, np.random.default_rng((seed, k, _OF_FOLLOW_UPS)))
+            yield Demonstration(action, arrangement, poses, None, words, sentence, split, conditions, before)

@@ -30,6 +30,7 @@ from nico_tabletop.simulation import CONTROL_HZ, TabletopSimulation
 from nico_tabletop.tasks import SLOTS
 
 from .demonstrations import Demonstration
+from .follow_up import begin
 from .release import Split
 
 OBJECTS = "observation.objects"
@@ -153,6 +154,7 @@ def _record(studio: Studio, demonstration: Demonstration, folder: Path) -> Take:
     simulation = _simulation(studio.objects)
     height, width = studio.height, studio.width
     try:
+        demonstration = begin(simulation, demonstration)
         joints = demonstration.joints
     except OutOfReachError:
         return Take(None, 0, demonstration.split, Outcome.FAILURE, [])
@@ -243,6 +245,8 @@ def _language_rows(
     }
     if conditions := demonstration.conditions.facts():
         scene["conditions"] = conditions
+    if demonstration.before:
+        scene["before"] = demonstration.before.name
     rows = [("user", "task_aug", wording) for wording in demonstration.wordings]
     english, german = demonstration.translation
     rows += [("user", "translation", english), ("assistant", "translation", german)]
