@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs the real commands, as a user does."""
 
+import atexit
+import multiprocessing
 import os
+import runpy
 import subprocess
 import sys
+import tempfile
+import traceback
+from collections.abc import Sequence
 from pathlib import Path
+from unittest import mock
 
 _BIN = Path(sys.executable).parent
 # Without MUJOCO_GL: users need not know it, on a machine with or without a screen.
@@ -13,6 +20,13 @@ ENVIRONMENT = {key: value for key, value in os.environ.items() if key != "MUJOCO
     "HF_HUB_OFFLINE": "1",
     "COLUMNS": "200",
 }
+
+# LeRobot and what it needs take longer to import than most commands then run. So a command is a fork of a
+# process that has imported them, and nothing of ours: that each command does itself.
+_FORKS = multiprocessing.get_context("forkserver")
+_FORKS.set_forkserver_preload(
+    ["lerobot.scripts.lerobot_train", "lerobot.scripts.lerobot_eval", "lerobot.datasets.aggregate"]
+)
 
 
 def run(command: str, *arguments: str | Path, **environment: str) -> str:
@@ -56,11 +70,40 @@ def launch(command: str, *arguments: str | Path, until: str) -> str:
 
 def run_anyway(command: str, *arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run a command that may fail; standard error is part of its output."""
-    return subprocess.run(
-        [_BIN / command, *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        env=ENVIRONMENT | environment,
-        check=False,
-    )
+    words = [str(_BIN / command), *map(str, arguments)]
+    if command == "python" or environment:
+        return subprocess.run(
+            words,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=ENVIRONMENT | environment,
+            check=False,
+        )
+    with tempfile.TemporaryDirectory() as folder:
+        output = Path(folder) / "output"
+        process = _FORKS.Process(target=_become, args=(words, os.getcwd(), output))
+        with mock.patch.dict(
+            os.environ, ENVIRONMENT, clear=True
+        ):  # the server's, which starts with the first
+            process.start()
+        process.join()
+        assert process.exitcode is not None
+        text = output.read_text(encoding="utf-8")
+    return subprocess.CompletedProcess(words, process.exitcode, text)
+
+
+def _become(words: Sequence[str], folder: str, output: Path) -> None:
+    """Be a command, in a child process."""
+    file = os.open(output, os.O_WRONLY | os.O_CREAT)
+    for stream in (sys.stdout, sys.stderr):
+        os.dup2(file, stream.fileno())
+    os.chdir(folder)
+    sys.argv = [*words]
+    try:
+        runpy.run_path(words[0], run_name="__main__")
+    except Exception:
+        traceback.print_exc()
+        sys.exit(1)
+    finally:
+        atexit._run_exitfuncs()  # multiprocessing's children leave without

@@ -65,7 +65,12 @@ def ask_whether(action: Action, unknown: tuple[str, ...]) -> str:
         unknown: Words that nobody knows.
     """
     doubt = f"I do not know what {unknown[0]!r} means here." if unknown else "I am not sure what you mean."
-    return f"{doubt} Did you mean: {in_words(action)}?"
+    return f"{doubt} {did_you_mean(action)}"
+
+
+def did_you_mean(action: Action) -> str:
+    """Ask whether an action is what was meant, and nothing else."""
+    return f"Did you mean: {in_words(action)}?"
 
 
 def in_words(action: Action) -> str:

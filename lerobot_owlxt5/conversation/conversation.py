@@ -7,10 +7,10 @@ import torch
 from lerobot.robots import Robot
 from torch import Tensor
 
-from ..commands.answer import Action, Request
+from ..commands.answer import Action, Request, Target
 from ..commands.instruction import HOME, target_of
 from ..commands.prompts import MAX_CHARACTERS
-from ..commands.replies import HOLDS, NO_OBJECTS_SEEN
+from ..commands.replies import HOLDS, NO_OBJECTS_SEEN, did_you_mean
 from ..executing_policy import ExecutingPolicy
 from ..execution import Execution
 from ..scene import Scene, Thing
@@ -22,6 +22,7 @@ from .memory import Memory
 from .questions import Question
 from .rules import plan_by_rules
 from .showing import Showing
+from .spelling import respelt
 from .steps import (
     Ask,
     Describe,
@@ -278,9 +279,22 @@ class Conversation:
         self._memory.still = self._response
         target = instruction.target
         # A question about one of several landmarks is none about the target.
-        if self._response.endswith("?") and instruction.verb and target and not target.relation:
+        if instruction.verb is None or target is None or target.relation:
+            return
+        if self._response.endswith("?"):
             request = Request((Action(instruction.verb, target), *instruction.later))
             self._open = Open("which", request)
+        elif other := self._respelt(target):
+            action = Action(instruction.verb, other)
+            self._open = Open("whether", Request((action, *instruction.later)))
+            self._say(did_you_mean(action))
+
+    def _respelt(self, target: Target) -> Target | None:
+        """What is seen and has nearly the name of a target that is not seen; None if nothing has."""
+        scene = self._last_scene
+        if scene is None or scene.called_in_any_language(target.name, target.colour):
+            return None
+        return respelt(target, [thing.name for thing in scene.things])
 
     def _again(self, execution: Execution) -> bool:
         """Begin once more, if a thing was seen not to have moved, and it is the first time."""

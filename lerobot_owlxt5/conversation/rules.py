@@ -5,6 +5,7 @@ A movement comes from a request that was understood, from a yes to it, or from w
 own question and nothing else. What the understanding holds back, no rule makes a movement of.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from ..backbones.understanding import Understood
@@ -17,6 +18,7 @@ from ..commands.verbs import opposite
 from .fragments import how, which
 from .phrases import AGAIN, DONE, HOME, IMITATE, NO, OTHER_WAY, STOP, WATCH, YES, corrected, says
 from .questions import read_question
+from .spelling import respelt
 from .steps import (
     Ask,
     Describe,
@@ -40,7 +42,7 @@ _IT = Target(reference="it")
 
 def plan_by_rules(words: str, situation: Situation) -> Step:
     """What to do about some words; see `Planner`."""
-    return plan_by_phrases(words, situation) or plan_new(words, situation.understand(words))
+    return plan_by_phrases(words, situation) or plan_new(words, situation.understand(words), situation.seen)
 
 
 def plan_by_phrases(words: str, situation: Situation) -> Step | None:
@@ -146,8 +148,8 @@ def _holds_back(understood: Understood) -> bool:
     return isinstance(answer, meant.Hold) and answer.reason != "not_an_action"
 
 
-def plan_new(words: str, understood: Understood) -> Step:
-    """What a sentence leads to that answers nothing and corrects nothing."""
+def plan_new(words: str, understood: Understood, seen: Sequence[str]) -> Step:
+    """What a sentence leads to that answers nothing and corrects nothing; `seen` are names of things."""
     match understood.answer:
         case meant.Hold(reason):
             question = read_question("scene", words) if reason in ("not_an_action", "beyond") else None
@@ -159,6 +161,8 @@ def plan_new(words: str, understood: Understood) -> Step:
             if not first.clear:
                 return _asked(request)
             if not understood.sure:
+                first = replace(first, target=respelt(first.target, seen) or first.target)
+                request = Request((first, *request.actions[1:]))
                 return Say(ask_whether(first, understood.unknown), Open("whether", request))
             return Do(request, words)
 
