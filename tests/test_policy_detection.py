@@ -12,7 +12,8 @@ from lerobot.datasets import LeRobotDataset
 
 from lerobot_owlxt5.backbones.detections import Candidates, Detections
 from lerobot_owlxt5.backbones.ground_truth import GroundTruthDetector
-from lerobot_owlxt5.backbones.zero_shot import DARK, ZeroShotDetector, only_inside, to_image_coordinates
+from lerobot_owlxt5.backbones.owl import to_image_coordinates
+from lerobot_owlxt5.backbones.zero_shot import DARK, ZeroShotDetector, only_inside
 from lerobot_owlxt5.data.episode_store import EpisodeStore
 from lerobot_owlxt5.data.windows import observation_at
 from policy_helpers import EYES, make_grounding_dino, make_owlv2, make_owlvit, make_policy, observe

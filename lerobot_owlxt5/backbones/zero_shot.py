@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Open-vocabulary detectors of transformers, frozen: the box with the highest score counts (paper, 3).
 
-Each kind of model finds candidates in its own way: a class here, and an entry in `KINDS` by the `model_type`
-of its config.json. What they have in common is `ZeroShotDetector`.
+Each kind of model finds candidates in its own way: a class in a file of its own, and an entry in `KINDS` by
+the `model_type` of its config.json. What they have in common is `ZeroShotDetector`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 from transformers import (
     AutoConfig,
     AutoModelForZeroShotObjectDetection,
@@ -22,146 +22,17 @@ from transformers import (
 from ..commands.parser import object_name
 from .appearance import Patches, as_score
 from .detections import Candidates, Detector, Look
+from .grounding_dino import GroundingDinoCandidates
+from .owl import OwlCandidates
 from .pretrained import find_backbone, load_pretrained
 from .taught import TaughtThings
 
 # OWLv2 looks at 3600 patches of an image: a whole training batch at once would not fit into memory.
 IMAGES_AT_ONCE = 8
-# Of which the embeddings are kept, a few kilobytes each.
-MOST_NAMES = 1000
 # So much of a box has to be in the image (our decision): boxes of training end where the image does.
 MOSTLY = 0.75
 # A darker image, by the mean of its pixels, is brightened to this, at most so many times.
 DARK, MOST_GAIN = 0.4, 10.0
-
-
-class OwlCandidates:
-    """OWLv2 and OWL-ViT: a box for each patch of the image, scored for each name."""
-
-    usual_threshold = 0.1
-
-    def __init__(self, model: Any, processor: Any) -> None:
-        self.model = model
-        self.processor = processor
-        self._pads = model.config.model_type == "owlv2"
-        self._embedded: dict[str, Tensor] = {}
-
-    def can_read(self, names: Sequence[str]) -> bool:
-        """Whether no name is longer than what the model reads: it would see the beginning alone."""
-        longest = self.model.config.text_config.max_position_embeddings
-        return all(len(self.processor.tokenizer(_query(name))["input_ids"]) <= longest for name in names)
-
-    def __call__(self, images: Tensor, names: Sequence[Sequence[str]]) -> Candidates:
-        """Propose boxes in images (batch, 3, height, width) in [0, 1]."""
-        queries = [[_query(name) for name in asked] for asked in names]
-        inputs = self.processor(
-            text=queries, images=list(images), do_rescale=False, truncation=True, return_tensors="pt"
-        )
-        outputs = self.model(**inputs.to(images.device))
-        boxes = self._corners(outputs.pred_boxes, images)
-        return Candidates(boxes, outputs.logits.sigmoid(), outputs.class_embeds)
-
-    def look(self, images: Tensor) -> Look:
-        """Encode images once, to ask for several names one after the other."""
-        inputs = self.processor(images=list(images), do_rescale=False, return_tensors="pt").to(images.device)
-        feature_map = self.model.image_embedder(inputs["pixel_values"])[0]
-        features = feature_map.flatten(1, 2)
-        boxes = self._corners(self.model.box_predictor(features, feature_map), images)
-
-        def candidates(names: Sequence[Sequence[str]]) -> Candidates:
-            queries = torch.stack([torch.stack([self._embed(name) for name in asked]) for asked in names])
-            logits, embeddings = self.model.class_predictor(features, queries.to(images.device))
-            return Candidates(boxes, logits.sigmoid(), embeddings)
-
-        return candidates
-
-    def _corners(self, boxes: Tensor, images: Tensor) -> Tensor:
-        """Boxes as in `Detections`, of the model's middles and sizes."""
-        middle, half = boxes[..., :2], boxes[..., 2:] / 2
-        corners = [middle - half, middle + half]
-        if self._pads:
-            corners = [to_image_coordinates(point, *images.shape[-2:]) for point in corners]
-        return torch.cat(corners, dim=-1)
-
-    def _embed(self, name: str) -> Tensor:
-        """Embed a name, (dim,), of norm 1; the same names are asked for again and again."""
-        if name not in self._embedded:
-            inputs = self.processor.tokenizer(
-                _query(name), padding="max_length", truncation=True, return_tensors="pt"
-            ).to(self.model.device)
-            owl = self.model.base_model
-            text = owl.text_projection(owl.text_model(**inputs).pooler_output)[0]
-            if len(self._embedded) >= MOST_NAMES:
-                self._embedded.clear()
-            self._embedded[name] = (text / text.norm()).cpu()
-        return self._embedded[name]
-
-
-class GroundingDinoCandidates:
-    """Grounding DINO: some hundred boxes, scored for each token of a caption that lists the names."""
-
-    usual_threshold = 0.3
-
-    def __init__(self, model: Any, processor: Any) -> None:
-        self.model = model
-        self.processor = processor
-        self._full_stop = processor.tokenizer.convert_tokens_to_ids(".")
-        self._longest = model.config.max_text_len
-
-    def can_read(self, names: Sequence[str]) -> bool:
-        """Whether the caption with all the names is no longer than what the model reads."""
-        return len(self.processor.tokenizer(_caption(names))["input_ids"]) <= self._longest
-
-    def __call__(self, images: Tensor, names: Sequence[Sequence[str]]) -> Candidates:
-        """Propose boxes in images (batch, 3, height, width) in [0, 1]; a name's best token counts.
-
-        Names that are too many for a caption are looked for in several.
-
-        Raises:
-            ValueError: If a name alone is too long.
-        """
-        found, start, total = [], 0, len(names[0])
-        while start < total:
-            stop = start + 1
-            while stop < total and all(self.can_read(asked[start : stop + 1]) for asked in names):
-                stop += 1
-            box, score, _ = self._propose(images, [asked[start:stop] for asked in names])
-            found.append((box, nn.functional.pad(score, (start, total - stop))))
-            start = stop
-        boxes, scores = zip(*found, strict=True)
-        return Candidates(torch.cat(boxes, dim=1), torch.cat(scores, dim=1))
-
-    def _propose(self, images: Tensor, names: Sequence[Sequence[str]]) -> Candidates:
-        captions = [_caption(asked) for asked in names]
-        inputs = self.processor(
-            text=captions, images=list(images), do_rescale=False, padding=True, return_tensors="pt"
-        ).to(images.device)
-        outputs = self.model(**inputs)
-        tokens = inputs["input_ids"]
-        if tokens.shape[1] > outputs.logits.shape[-1]:
-            raise ValueError(
-                f"{names[0][0]!r} is too long for the detector, which reads captions of "
-                f"{outputs.logits.shape[-1]} tokens: use fewer words."
-            )
-        ends = tokens == self._full_stop
-        # Which name a token belongs to; the full stops and what begins and ends a caption belong to none.
-        name = (ends.cumsum(dim=1) - ends.long()).masked_fill(ends | (inputs["attention_mask"] == 0), -1)
-        name[:, 0] = -1
-        of_token = outputs.logits[..., : tokens.shape[1]].sigmoid()
-        scores = [
-            of_token.masked_fill((name != number)[:, None], 0.0).amax(dim=-1)
-            for number in range(len(names[0]))
-        ]
-        middle, half = outputs.pred_boxes[..., :2], outputs.pred_boxes[..., 2:] / 2
-        return Candidates(torch.cat([middle - half, middle + half], dim=-1), torch.stack(scores, dim=-1))
-
-
-def _query(name: str) -> str:
-    return f"a photo of a {name}"
-
-
-def _caption(names: Sequence[str]) -> str:
-    return " ".join(f"{name} ." for name in names)
 
 
 class Kind(NamedTuple):
@@ -302,17 +173,3 @@ def only_inside(found: Candidates) -> Candidates:
     visible = (high.clamp(max=1) - low.clamp(min=0)).clamp(min=0).prod(dim=-1)
     inside = visible >= MOSTLY * (high - low).prod(dim=-1)
     return found._replace(score=found.score * inside[..., None])
-
-
-def to_image_coordinates(points: Tensor, height: int, width: int) -> Tensor:
-    """Turn OWLv2's coordinates into shares of the image.
-
-    OWLv2 pads an image at the right or at the bottom to a square and returns shares of that square.
-
-    Args:
-        points: (..., 2), x and y as shares of the square.
-        height: The image's height in pixels.
-        width: The image's width in pixels.
-    """
-    side = max(height, width)
-    return points * points.new_tensor([side / width, side / height])

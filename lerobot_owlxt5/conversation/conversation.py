@@ -5,7 +5,6 @@ from typing import Any
 
 import torch
 from lerobot.robots import Robot
-from torch import Tensor
 
 from ..commands.answer import Action, Request, Target
 from ..commands.instruction import HOME, target_of
@@ -92,13 +91,12 @@ class Conversation:
         self._reported: Execution | None = None
         self._tried_again = False
         self._showing = Showing(policy, self._body)
-        self._copy: list[Tensor] = []
         self._point: Point | None = None
 
     @property
     def busy(self) -> bool:
         """Whether a movement is going on, or is about to begin."""
-        return self._task is not None or bool(self._copy)
+        return self._task is not None or self._showing.copies
 
     @property
     def watching(self) -> bool:
@@ -162,8 +160,8 @@ class Conversation:
             if self.watching:
                 if told := self._showing.watch():
                     self._say(told)
-            elif self._copy:
-                self._act_as_shown()
+            elif self._showing.copies:
+                self._copy()
             elif not self._body.has_looked:
                 self._body.look()
             return
@@ -224,20 +222,21 @@ class Conversation:
     def _begin(self, task: str) -> None:
         """Give the policy a task; it takes effect at the next tick."""
         self._policy.drop_queued_actions()
-        self._showing.goes_on = False
+        self._showing.stop()
         self._point = None
-        self._task, self._response, self._reported, self._copy = task, "", None, []
+        self._task, self._response, self._reported = task, "", None
         self._memory.still = ""
 
     def _halt(self) -> bool:
         """End the movement where the arms are; whether there was one."""
-        self._showing.goes_on = False
-        if not self.busy:
+        was_busy = self.busy
+        self._showing.stop()
+        if not was_busy:
             return False
         if self._memory.doing:
             self._memory.did = f"I stopped before I was done. I had said: {self._memory.doing}"
             self._memory.worked = None
-        self._task, self._memory.doing, self._copy = None, "", []
+        self._task, self._memory.doing = None, ""
         self._policy.drop_queued_actions()
         self._body.hold()
         return True
@@ -272,7 +271,7 @@ class Conversation:
             return
         instruction = execution.instruction
         if instruction.goes_home:
-            if self._copy:
+            if self._showing.copies:
                 self._memory.doing = AS_YOU_DID
                 self._say(AS_YOU_DID)
             return
@@ -325,14 +324,11 @@ class Conversation:
             self._say(movement)
         else:
             self.home()
-            self._copy = [*movement]
+            self._showing.copy(movement)
 
-    def _act_as_shown(self) -> None:
-        """One step of what was shown; the last ones hold its end."""
-        action = self._copy.pop(0)
-        self._body.act(action[None])
-        if all(torch.equal(action, later) for later in self._copy):
-            self._copy = []
+    def _copy(self) -> None:
+        """One step of what was shown."""
+        if self._showing.act():
             self._memory.did, self._memory.doing, self._memory.worked = DONE_AS_YOU_DID, "", None
             self._say(DONE_AS_YOU_DID)
 

@@ -98,7 +98,17 @@ class Showing:
         self._policy = cast(CrossmodalPolicy, policy) if tells_objects else None
         self._body = body
         self._shown: Demonstration | None = None
+        self._copy: list[Tensor] = []
         self.goes_on = False
+
+    @property
+    def copies(self) -> bool:
+        """Whether the robot is doing again what was shown, or is about to."""
+        return bool(self._copy)
+
+    def stop(self) -> None:
+        """Neither watch nor copy any longer."""
+        self.goes_on, self._copy = False, []
 
     def begin(self) -> str:
         """Watch from now on; what to say about it."""
@@ -127,3 +137,15 @@ class Showing:
         if self._shown is None or not self._shown.has_begun:
             return NOTHING_TO_IMITATE
         return self._shown.repeat()
+
+    def copy(self, movement: Tensor) -> None:
+        """Do again what `movement` returned, a step at each `act`."""
+        self._copy = [*movement]
+
+    def act(self) -> bool:
+        """One step of the copy; whether it was the last: the ones behind it only hold its end."""
+        action = self._copy.pop(0)
+        self._body.act(action[None])
+        if all(torch.equal(action, later) for later in self._copy):
+            self._copy = []
+        return not self._copy
