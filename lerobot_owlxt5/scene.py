@@ -206,7 +206,8 @@ class Scene:
         """All things of a name that was said in English or German, in a colour if one is given."""
         phrase = f"{colour} {name}".strip()
         if phrase in self.taught:
-            return self._of_kind(phrase, None)
+            # Two things that were taught may look a little alike.
+            return self._best_called(phrase, self.taught)
         english = self._in_english(phrase) if phrase else ""
         found: list[Thing] = []
         if english.split()[-1:] != phrase.split()[-1:]:
@@ -254,13 +255,17 @@ class Scene:
 
         Colours compete: a detector scores a blue cube as a cyan one too, but as a blue one higher.
         """
-        names = [f"{colour} {kind}" for colour in COLOURS] if hue else [kind]
-        found = self._look([names]).things(self._detector.threshold)
-        wanted = names.index(f"{hue} {kind}") if hue else 0
+        rivals = [f"{colour} {kind}" for colour in COLOURS] if hue else [kind]
+        return self._best_called(f"{hue} {kind}" if hue else kind, rivals)
+
+    def _best_called(self, name: str, rivals: Sequence[str]) -> list[Thing]:
+        """All things that a name fits, and none of its rivals better; what fits best comes first."""
+        found = self._look([rivals]).things(self._detector.threshold)
+        wanted = rivals.index(name)
         score = found.score[:, wanted]
         fits = (score >= self._detector.threshold) & (score >= found.score.amax(dim=1))
         order = [place for place in score.argsort(descending=True).tolist() if fits[place]]
-        return [Thing(names[wanted], found.box[place, wanted]) for place in order]
+        return [Thing(name, found.box[place, wanted]) for place in order]
 
     def _missing(self, target: Target | Landmark) -> str:
         """Say that there is no such thing, and what there is."""
