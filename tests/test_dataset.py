@@ -260,7 +260,8 @@ def test_the_command_records_what_came_before(tmp_path: Path):
         assert scene["conditions"].keys() == {"arms_deg"}
     build = read_build(root)
     assert build is not None
-    assert "--follow_ups=1.0" in build.command
+    assert build.follow_ups == 1 and "--follow_ups=1.0" in build.command
+    assert "the movement that it follows (`before`)" in (root / "README.md").read_text(encoding="utf-8")
 
 
 def test_the_releases_images_may_vary_and_its_movements_not(clant_release: Release):

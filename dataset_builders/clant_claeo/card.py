@@ -56,6 +56,7 @@ class Build:
         command: The command that makes it, without any path of the machine that it ran on.
         versions: The packages that made it, such as `mujoco 4.0.0`.
         variation: How much its scenes may differ from the paper's setting: `Variation.options`.
+        follow_ups: Share of the demonstrations that follow another movement.
     """
 
     objects: str
@@ -64,6 +65,7 @@ class Build:
     command: str
     versions: str = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
     variation: dict[str, Any] = field(default_factory=dict)
+    follow_ups: float = 0.0
 
     @property
     def name(self) -> str:
@@ -145,6 +147,7 @@ def write_card(root: Path, repo_id: str, build: Build) -> None:
         environment=build.environment,
         release=build.release,
         variation=build.variation,
+        follow_ups=build.follow_ups,
         command=build.command,
         versions=build.versions,
         episodes=meta.total_episodes,

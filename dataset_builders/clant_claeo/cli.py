@@ -182,6 +182,7 @@ def _make(config: DatasetConfig) -> None:
         config.source != "scripted",
         _command(config),
         variation=config.variation.options(),
+        follow_ups=config.follow_ups,
     )
     repo_id = config.repo_id or f"local/{record.name}"
     root = config.root or HF_LEROBOT_HOME / repo_id
