@@ -83,9 +83,8 @@ def run_anyway(command: str, *arguments: str | Path, **environment: str) -> subp
     with tempfile.TemporaryDirectory() as folder:
         output = Path(folder) / "output"
         process = _FORKS.Process(target=_become, args=(words, os.getcwd(), output))
-        with mock.patch.dict(
-            os.environ, ENVIRONMENT, clear=True
-        ):  # the server's, which starts with the first
+        # The first command starts the server, whose environment all have.
+        with mock.patch.dict(os.environ, ENVIRONMENT, clear=True):
             process.start()
         process.join()
         assert process.exitcode is not None

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from lerobot_owlxt5.way_home import way_back
-from nico_tabletop.placement import OutOfReachError, Pose
+from nico_tabletop.placement import OutOfReachError
 from nico_tabletop.replay import replay
 from nico_tabletop.robot import INITIAL_POSE_DEG
 from nico_tabletop.scoring import Outcome
@@ -51,5 +51,4 @@ def begin(simulation: TabletopSimulation, demonstration: Demonstration) -> Demon
         arms_deg=tuple(np.round(arms, _DIGITS).tolist()),
         shift_cm=((0.0, 0.0),) * len(earlier.poses),
     )
-    left, middle, right = (Pose(*map(float, pose)) for pose in simulation.object_poses())
-    return replace(demonstration, poses=(left, middle, right), conditions=conditions)
+    return replace(demonstration, poses=simulation.object_poses(), conditions=conditions)

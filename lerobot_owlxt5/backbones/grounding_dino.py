@@ -6,6 +6,7 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
+from torchvision.ops import box_convert
 
 from .detections import Candidates
 
@@ -65,8 +66,7 @@ class GroundingDinoCandidates:
             of_token.masked_fill((name != number)[:, None], 0.0).amax(dim=-1)
             for number in range(len(names[0]))
         ]
-        middle, half = outputs.pred_boxes[..., :2], outputs.pred_boxes[..., 2:] / 2
-        return Candidates(torch.cat([middle - half, middle + half], dim=-1), torch.stack(scores, dim=-1))
+        return Candidates(box_convert(outputs.pred_boxes, "cxcywh", "xyxy"), torch.stack(scores, dim=-1))
 
 
 def _caption(names: Sequence[str]) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 
 import torch
 from torch import Tensor
+from torchvision.ops import box_convert
 
 from .detections import Candidates, Look
 
@@ -55,11 +56,10 @@ class OwlCandidates:
 
     def _corners(self, boxes: Tensor, images: Tensor) -> Tensor:
         """Boxes as in `Detections`, of the model's middles and sizes."""
-        middle, half = boxes[..., :2], boxes[..., 2:] / 2
-        corners = [middle - half, middle + half]
-        if self._pads:
-            corners = [to_image_coordinates(point, *images.shape[-2:]) for point in corners]
-        return torch.cat(corners, dim=-1)
+        corners = box_convert(boxes, "cxcywh", "xyxy")
+        if not self._pads:
+            return corners
+        return to_image_coordinates(corners.unflatten(-1, (2, 2)), *images.shape[-2:]).flatten(-2)
 
     def _embed(self, name: str) -> Tensor:
         """Embed a name, (dim,), of norm 1; the same names are asked for again and again."""

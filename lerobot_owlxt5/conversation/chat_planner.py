@@ -57,7 +57,7 @@ class ChatPlanner:
             calls = self.server.ask(_messages(words, situation), TOOLS)
         except NotReachedError as error:
             logger.warning("The planner's server did not answer: %s", error)
-            return Remark(NOT_REACHED, plan_new(words, understood, situation.seen))
+            return Remark(NOT_REACHED, plan_new(words, understood, situation))
         except UnusableError as error:
             logger.warning("The planner's server answered what cannot be used: %s", error)
             return Say(UNUSABLE)

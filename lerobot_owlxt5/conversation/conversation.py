@@ -121,7 +121,9 @@ class Conversation:
         seen = tuple(thing.name for thing in self.things)
         taught = tuple(scene.taught) if scene else ()
         understand = self._policy.understand
-        situation = Situation(understand, self._open, self._last, seen, before, self.watching, taught)
+        situation = Situation(
+            understand, self._open, self._last, seen, before, self.watching, taught, self._respelt
+        )
         self._take(self._planner(words, situation))
 
     def point(self, x: float, y: float) -> None:

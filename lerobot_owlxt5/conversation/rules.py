@@ -5,7 +5,6 @@ A movement comes from a request that was understood, from a yes to it, or from w
 own question and nothing else. What the understanding holds back, no rule makes a movement of.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from ..backbones.understanding import Understood
@@ -18,7 +17,6 @@ from ..commands.verbs import opposite
 from .fragments import how, which
 from .phrases import AGAIN, DONE, HOME, IMITATE, NO, OTHER_WAY, STOP, WATCH, YES, corrected, says
 from .questions import read_question
-from .spelling import respelt
 from .steps import (
     Ask,
     Describe,
@@ -42,7 +40,7 @@ _IT = Target(reference="it")
 
 def plan_by_rules(words: str, situation: Situation) -> Step:
     """What to do about some words; see `Planner`."""
-    return plan_by_phrases(words, situation) or plan_new(words, situation.understand(words), situation.seen)
+    return plan_by_phrases(words, situation) or plan_new(words, situation.understand(words), situation)
 
 
 def plan_by_phrases(words: str, situation: Situation) -> Step | None:
@@ -148,8 +146,8 @@ def _holds_back(understood: Understood) -> bool:
     return isinstance(answer, meant.Hold) and answer.reason != "not_an_action"
 
 
-def plan_new(words: str, understood: Understood, seen: Sequence[str]) -> Step:
-    """What a sentence leads to that answers nothing and corrects nothing; `seen` are names of things."""
+def plan_new(words: str, understood: Understood, situation: Situation) -> Step:
+    """What a sentence leads to that answers nothing and corrects nothing."""
     match understood.answer:
         case meant.Hold(reason):
             question = read_question("scene", words) if reason in ("not_an_action", "beyond") else None
@@ -161,7 +159,7 @@ def plan_new(words: str, understood: Understood, seen: Sequence[str]) -> Step:
             if not first.clear:
                 return _asked(request)
             if not understood.sure:
-                first = replace(first, target=respelt(first.target, seen) or first.target)
+                first = replace(first, target=situation.respelt(first.target) or first.target)
                 request = Request((first, *request.actions[1:]))
                 return Say(ask_whether(first, understood.unknown), Open("whether", request))
             return Do(request, words)

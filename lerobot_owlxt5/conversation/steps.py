@@ -146,6 +146,7 @@ class Situation:
         before: What was said last, the oldest first, without the words to decide about.
         watching: Whether the robot watches how its arms are moved.
         taught: Names that somebody has taught it.
+        respelt: What is seen and has nearly the name of a target that is not seen; None if nothing has.
     """
 
     understand: Callable[[str], Understood]
@@ -155,6 +156,7 @@ class Situation:
     before: tuple[Line, ...] = ()
     watching: bool = False
     taught: tuple[str, ...] = ()
+    respelt: Callable[[Target], Target | None] = lambda target: None
 
 
 class Planner(Protocol):
