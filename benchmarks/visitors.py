@@ -87,17 +87,18 @@ def _turn(visitor: Visitor, random: np.random.Generator, seconds: Seconds) -> Vi
     said = random.choice(
         [verb, verb, "what do you see?", "where is the {}?", "did it work?", "what can you do?"]
     )
-    before, asked = len(visitor.view.lines), time.monotonic()
+    said_before, asked = len(visitor.view.lines), time.monotonic()
     visitor.say(str(said).format(name))
-    while len(visitor.view.lines) < before + 2 and time.monotonic() - asked < _PATIENCE:
+    while len(visitor.view.lines) < said_before + 2 and time.monotonic() - asked < _PATIENCE:
         yield
     seconds.replied.append(time.monotonic() - asked)
     stops_after = 2.0 if random.random() < 0.1 else _PATIENCE
     last, view = None, visitor.view
     while view.busy and time.monotonic() - asked < _PATIENCE:
-        if visitor.view is not view:
-            view, now = visitor.view, time.monotonic()
-            if last is not None and view.busy:
+        before, view = view, visitor.view
+        if view.eyes is not before.eyes:  # it is drawn anew only where something has moved
+            now = time.monotonic()
+            if last is not None:
                 seconds.between_pictures.append(now - last)
             last = now
         if time.monotonic() - asked > stops_after:
@@ -106,6 +107,8 @@ def _turn(visitor: Visitor, random: np.random.Generator, seconds: Seconds) -> Vi
         yield
     if random.random() < 0.1:
         visitor.lay(Table("claeo", str(random.choice(["slots", "free"]))))
+        while visitor.view.lines:  # the conversation begins anew
+            yield
 
 
 def _percentiles(values: list[float]) -> list[str]:

@@ -23,8 +23,8 @@ HEIGHT, WIDTH = 240, 320
 IMAGES_OF_A_WORLD = 48
 _OBJECTS_IN_A_WORLD = 30
 _FEWEST_ON_THE_TABLE, _MOST_ON_THE_TABLE = 2, 12
-# Where objects may stand, metres: a little more than the region in which the robot acts.
-_NEAREST, _FARTHEST, _ASIDE = 0.26, 0.5, 0.27
+# Where objects may stand, metres: a little more than where movements begin and leave them.
+_NEAREST, _FARTHEST, _ASIDE = 0.22, 0.54, 0.28
 _APART = 0.075
 _TRIES = 200
 # Of an object of which less is seen nobody can say what it is.

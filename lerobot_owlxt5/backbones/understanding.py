@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A language model that understands: from a sentence to a formal answer."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import torch
@@ -13,6 +14,8 @@ from .language_model import SplitT5
 # Three actions with names and landmarks; a longer text has lost its way.
 MOST_TOKENS = 96
 MOST_NAME_TOKENS = 24
+# Names that somebody speaks of come up again and again.
+_REMEMBERED_NAMES = 256
 NOT_UNDERSTOOD = Request((Action(None, Target()),))
 """Everything has to be asked back."""
 
@@ -45,14 +48,18 @@ class Understanding:
             config.json, or 0.
         words: What wishes have beside names: the `wish_words` in its config.json. None: any word.
         revision: The Hub's commit, or the digest of embedded weights; None for a folder.
+        in_english: Says what a thing is called in English: the name itself if it has no German name's form.
     """
 
     def __init__(self, name: str, revision: str | None = None) -> None:
         self._language = SplitT5(name, revision, part="understanding")
-        self.threshold = float(getattr(self._language.model.config, "understanding_threshold", 0.0))
-        words = getattr(self._language.model.config, "wish_words", None)
+        config = self._language.model.config
+        self.threshold = float(getattr(config, "understanding_threshold", 0.0))
+        # Out of the config: transformers copies all of it several times for each text that is generated.
+        words = vars(config).pop("wish_words", None)
         self.words: frozenset[str] | None = None if words is None else frozenset(words)
         self.revision = self._language.revision
+        self.in_english = lru_cache(_REMEMBERED_NAMES)(self._in_english)
 
     def __call__(self, sentence: str) -> Understood:
         """What a sentence asks for; `NOT_UNDERSTOOD` if the answer does not come to an end."""
@@ -72,7 +79,7 @@ class Understanding:
         )
         return Understood(answer, confidence, confidence >= self.threshold and not unknown, unknown)
 
-    def in_english(self, name: str) -> str:
+    def _in_english(self, name: str) -> str:
         """What a thing is called in English, or the name itself if it has no German name's form."""
         encoding, mask = self._encode(name_in_english_prompt(name))
         [english] = self._language.generate(encoding, mask, MOST_NAME_TOKENS)

@@ -8,6 +8,7 @@ import threading
 from dataclasses import dataclass
 from pathlib import Path
 
+import torch
 from lerobot.configs import parser
 from lerobot.robots import Robot
 from transformers.utils.logging import disable_progress_bar
@@ -73,6 +74,9 @@ def make_visitors(
     Raises:
         ValueError, OSError: If the policy cannot be had.
     """
+    # Each visitor's robot computes and draws in its own thread; more threads of each would wait for a core.
+    os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa's software renderer
+    torch.set_num_threads(max(1, torch.get_num_threads() // most))
     make_policy = policy_maker(taught)
 
     def make_world(chosen: Table) -> World:
@@ -111,7 +115,6 @@ def _talk(config: TalkConfig) -> None:
 
 def main() -> None:
     """Entry point; an error that the user can mend ends in one message and exit status 1."""
-    os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa's software renderer needs no threads of its own
     disable_progress_bar()
     logging.getLogger("httpx").setLevel(logging.WARNING)
     try:

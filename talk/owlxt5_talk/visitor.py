@@ -124,6 +124,7 @@ class Visitor:
                 world.tick()
                 self._table = world.table
                 self._show(world.view())
+                world.draw_bystander()
                 # A slow computer makes a slow world, not one that jumps.
                 due = max(due + _PERIOD, time.monotonic())
                 self._leaves.wait(due - time.monotonic())

@@ -33,7 +33,6 @@ WATCH, DONE = "watch me", "done"
 """What somebody says who shows a movement."""
 
 _JPEG_QUALITY = 85
-_EVERY = {EYES: 1, SPECTATOR: 2}  # so many control periods from one picture to the next
 _STILL = 1e-4  # joints in radians, things in metres and a head in degrees look the same if they moved by less
 
 
@@ -123,7 +122,7 @@ class View:
 
     Attributes:
         eyes: JPEG, what is between NICO's eyes; empty before the first.
-        bystander: JPEG, the same moment from outside.
+        bystander: JPEG, the same from outside, one or two control periods ago; empty before the first.
         lines: Who said what, (speaker, text), the last `SHOWN_LINES`.
         things: What the robot sees.
         looking_at: What it is about to move, or moves.
@@ -168,8 +167,8 @@ class World:
             self._robot.reset()
         self.table = table
         self.conversation = self._converse(self._robot)
-        self._pictures = {camera: (b"", np.empty(0)) for camera in _EVERY}
-        self._views = 0
+        self._pictures = {camera: (b"", np.empty(0)) for camera in (EYES, SPECTATOR)}
+        self._draws_bystander = True
         self._things: tuple[Seen, ...] = ()
         self._shows, self._guided = False, list[np.ndarray]()
 
@@ -197,11 +196,8 @@ class World:
             conversation.hear(DONE)
 
     def view(self) -> View:
-        """What is to be seen now; draws only where something has moved."""
-        for camera, every in _EVERY.items():
-            if self._views % every == 0:
-                self._draw(camera)
-        self._views += 1
+        """What is to be seen now; what NICO sees is drawn if something has moved."""
+        self._draw(EYES)
         conversation = self.conversation
         if not conversation.busy:  # a detector's look at all there is would hold a movement up
             self._things = tuple(map(_seen, conversation.things))
@@ -218,6 +214,15 @@ class World:
             busy=conversation.busy or bool(self._guided),
             table=self.table,
         )
+
+    def draw_bystander(self) -> None:
+        """Draw what the next view shows from outside, every other time, if something has moved.
+
+        It comes after a view: then NICO's pictures, of which there are twice as many, come evenly.
+        """
+        if self._draws_bystander:
+            self._draw(SPECTATOR)
+        self._draws_bystander = not self._draws_bystander
 
     def _draw(self, camera: str) -> None:
         assert self._robot is not None
