@@ -78,12 +78,15 @@ def test_the_last_looks_are_kept_in_the_file(tmp_path: Path) -> None:
     assert [path.name for path in file.parent.iterdir()] == [file.name]
 
 
-def test_what_others_taught_meanwhile_is_not_lost(tmp_path: Path) -> None:
+def test_what_others_taught_or_forgot_meanwhile_counts(tmp_path: Path) -> None:
     file = tmp_path / "taught.safetensors"
     mine, theirs = TaughtThings("eyes", file), TaughtThings("eyes", file)
     mine.add("padlock", LOOK)
     theirs.add("trophy", LOOK)
     assert {*TaughtThings("eyes", file)} == {"padlock", "trophy"}
+    theirs.remove("padlock")
+    mine.add("teapot", LOOK)
+    assert {*mine} == {*TaughtThings("eyes", file)} == {"trophy", "teapot"}
 
 
 @pytest.mark.parametrize("content", [b"", b"not a file of tensors", None, "other detector"])

@@ -118,12 +118,12 @@ def draw_noun(rng: np.random.Generator) -> Noun:
         name = draw_name(rng) if rng.random() < 0.4 else _draw_word(rng)
         return Noun(name, name, choice(rng, ("m", "f", "n")))
     noun, kind = choice(rng, nouns()), rng.random()
-    if kind < 0.1:
+    if kind < 0.18:
         first = choice(rng, nouns())
         return Noun(f"{first.english} {noun.english}", first.german + noun.german.lower(), noun.gender)
-    if kind < 0.13:
+    if kind < 0.21:
         return Noun(choice(rng, _TWO_WORDS), noun.german, noun.gender)
-    if kind < 0.25:
+    if kind < 0.33:
         name = choice(rng, CATEGORIES[choice(rng, [*CATEGORIES])][0])
         return Noun(name, noun.german, noun.gender)
     return compound(choice(rng, [*COMPOUNDS]), noun) if rng.random() < 0.15 else noun

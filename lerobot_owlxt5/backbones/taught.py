@@ -3,6 +3,7 @@
 
 import json
 import os
+import threading
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -15,6 +16,8 @@ from .appearance import Appearance
 MOST_LOOKS = 5
 """Of one thing the last looks count (our decision)."""
 _DETECTOR, _NAMES = "detector", "names"
+_CHANGES_A_FILE = threading.Lock()
+"""Visitors of one page share a file, each from a thread of their own."""
 
 
 class TaughtThings(Mapping[str, tuple[Appearance, ...]]):
@@ -53,9 +56,10 @@ class TaughtThings(Mapping[str, tuple[Appearance, ...]]):
         """
         looks = (*self._looks.get(name, ()), look)[-MOST_LOOKS:]
         self._looks[name] = looks
-        self._read()
-        self._looks[name] = looks
-        self._write()
+        with _CHANGES_A_FILE:
+            self._read()
+            self._looks[name] = looks
+            self._write()
 
     def remove(self, name: str) -> None:
         """Forget a thing.
@@ -65,12 +69,13 @@ class TaughtThings(Mapping[str, tuple[Appearance, ...]]):
             ValueError, OSError: If the file cannot be used.
         """
         del self._looks[name]
-        self._read()
-        self._looks.pop(name, None)
-        self._write()
+        with _CHANGES_A_FILE:
+            self._read()
+            self._looks.pop(name, None)
+            self._write()
 
     def _read(self) -> None:
-        """What others have added to the file since."""
+        """What is in the file: others may have added to it since, or taken something out."""
         if self._file is None or not self._file.exists():
             return
         try:
@@ -95,7 +100,7 @@ class TaughtThings(Mapping[str, tuple[Appearance, ...]]):
                 f"{self._file} has things that another detector was taught, and this one cannot know again: "
                 "name another file"
             )
-        self._looks |= looks
+        self._looks = looks
 
     def _write(self) -> None:
         if self._file is None:
