@@ -61,6 +61,11 @@ class CrossmodalConfig(PreTrainedConfig):
         n_lstm_layers: Layers of the action encoder and of the action decoder.
         mode_probabilities: How often each mode is drawn in training. A mode that the dataset has no text for
             (translate) gives its share to the others.
+        mode_per_sample: Draw a mode for each sample of a training batch. False: one for the whole batch.
+        made_up_names: In training some objects get a made-up name, if T5 is small or trained along (our
+            addition, `commands.pseudo_names`). False: never.
+        stop_output: Learn when a movement ends (our addition). False: a plan has all of
+            `max_episode_steps`, and nothing tells what comes after the steps of its episode.
         joint_loss_weight: Weight of the action path's loss beside the language loss; 1 in the paper.
         max_text_tokens: Longest text that `describe` and `translate` generate, in tokens.
         replan_every: While a hand approaches, look again every so many steps, and change the plan if
@@ -102,6 +107,9 @@ class CrossmodalConfig(PreTrainedConfig):
 
     # Training and generation.
     mode_probabilities: dict[str, float] = field(default_factory=_default_mode_probabilities)
+    mode_per_sample: bool = True
+    made_up_names: bool = True
+    stop_output: bool = True
     joint_loss_weight: float = 1.0
     max_text_tokens: int = 128
     replan_every: int = 0

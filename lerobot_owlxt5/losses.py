@@ -7,7 +7,7 @@ For a sample of n true steps, a movement a(1) … a(L) and stop probabilities s(
     stop     = mean over the L steps of the binary cross entropy of s to "the last step, or later"
     language = cross entropy of T5's decoder on l_enc + FC(h), per token
                in translate: mean of FC(h)² over true tokens, as T5's own encoding is to stay
-    loss     = (mean length / n) · (language + joint_loss_weight · (joint + STOP_LOSS_WEIGHT · stop))
+    loss     = (mean length / n) · (language + joint_loss_weight · (joint + stop_loss_weight · stop))
 
 LeRobot draws frames, so a long episode comes more often. The first factor makes every episode count the same,
 as in the paper's epochs. A sample's loss depends on nothing else in its batch, so it does not matter how a
@@ -25,8 +25,8 @@ from .data.windows import positions_before, still
 from .mode_sampling import ModeBatch
 from .model.crossmodal_model import CrossmodalModel
 
-# The stop output is our addition; it shares the action decoder, and must not outshout the joints there.
 STOP_LOSS_WEIGHT = 0.1
+"""The stop output is our addition; it shares the action decoder, and must not outshout the joints there."""
 
 
 class LossTerms(NamedTuple):
@@ -52,6 +52,7 @@ def mixed_loss(
     *,
     mean_length: float,
     joint_loss_weight: float,
+    stop_loss_weight: float = STOP_LOSS_WEIGHT,
 ) -> LossTerms:
     """Compute the loss of a batch, each sample in a mode of its own.
 
@@ -64,6 +65,7 @@ def mixed_loss(
         length: (batch,) int64, true steps.
         mean_length: True steps of an episode of the dataset, on average. It scales all losses alike.
         joint_loss_weight: Weight of the action path beside the language; 1 in the paper.
+        stop_loss_weight: Weight of the stop output beside the joints; 0 where there is none.
     """
     mode = samples.mode.to(pose.device)
     moves = (mode == EXECUTE) | (mode == REPEAT_ACTION)
@@ -90,7 +92,7 @@ def mixed_loss(
 
     share = mean_length / length
     joint, language, stop = share * joint, share * language, share * stop
-    loss = language + joint_loss_weight * (joint + STOP_LOSS_WEIGHT * stop)
+    loss = language + joint_loss_weight * (joint + stop_loss_weight * stop)
     return LossTerms(loss, joint, language, stop)
 
 

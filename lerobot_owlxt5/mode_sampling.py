@@ -51,6 +51,8 @@ class ModeSampler:
         texts: Wordings and sentences by episode index.
         names_objects: Whether describe's prompt names the object.
         pseudo_names: Whether some objects get a pseudo-name, where a prompt names them.
+        per_sample: Whether each sample has a mode of its own; else a batch has one, but for episodes that
+            cannot be translated.
     """
 
     def __init__(
@@ -60,11 +62,13 @@ class ModeSampler:
         *,
         names_objects: bool,
         pseudo_names: bool,
+        per_sample: bool = True,
     ) -> None:
         self._shares = [probabilities.get(mode, 0.0) for mode in MODES]
         self._texts = texts
         self._names_objects = names_objects
         self._pseudo_names = pseudo_names
+        self._per_sample = per_sample
 
     def sample(self, batch: Mapping[str, Any], rngs: Sequence[np.random.Generator] | None) -> ModeBatch:
         """Draw the modes and texts of a batch.
@@ -87,11 +91,11 @@ class ModeSampler:
                 for each in texts
             ]
         )
-        chance = (
-            spread(batch["index"].flatten().cpu())
-            if rngs is None
-            else torch.tensor([rng.random() for rng in rngs], dtype=torch.float64)
-        )
+        if rngs is None:
+            chance = spread(batch["index"].flatten().cpu())
+        else:
+            chance = torch.tensor([rng.random() for rng in rngs], dtype=torch.float64)
+            chance = chance if self._per_sample else chance[:1].expand(len(rngs))
         mode = draw_modes(probabilities, chance)
         prompts, targets = [], []
         for sample, drawn in enumerate(mode.tolist()):

@@ -17,7 +17,7 @@ from .data.episode_store import EpisodeStore
 from .data.normalization import share_joint_range
 from .data.windows import first_pose, recorded_joints, still
 from .executing_policy import ExecutingPolicy
-from .losses import mixed_loss, reduce_loss
+from .losses import STOP_LOSS_WEIGHT, mixed_loss, reduce_loss
 from .mode_sampling import ModeSampler, step_randomness
 from .model.crossmodal_model import CrossmodalModel
 from .validation import check_finite_loss, read_tasks
@@ -135,7 +135,9 @@ class CrossmodalPolicy(ExecutingPolicy):
             self.episodes.texts,
             names_objects=self.visual.names_objects,
             # A T5 that is neither small nor trained along knows names from its own training.
-            pseudo_names=self.config.train_language_model or self.config.language_model == EMBEDDED,
+            pseudo_names=self.config.made_up_names
+            and (self.config.train_language_model or self.config.language_model == EMBEDDED),
+            per_sample=self.config.mode_per_sample,
         )
         with step_randomness(self.training_seed, batch["index"], enabled=self.training) as rngs:
             if self.training:
@@ -159,6 +161,7 @@ class CrossmodalPolicy(ExecutingPolicy):
                 length,
                 mean_length=self.episodes.mean_length(self.config.max_episode_steps),
                 joint_loss_weight=self.config.joint_loss_weight,
+                stop_loss_weight=STOP_LOSS_WEIGHT if self.config.stop_output else 0.0,
             )
         check_finite_loss(terms.loss, batch)
         found = seen.object_found.float().mean().item()

@@ -167,6 +167,7 @@ def _make_step(
         output = folder / name
         command = template["command"].format_map(words | {"output": output})
         start, each, units = template.get("seconds", [1, 0, 0])
+        variant = template.get("variant", "").format_map(words)
         seconds = float(start) + float(each) * float(str(units).format_map(words))
     except KeyError as error:
         raise ValueError(f"the step {template['name']!r} of the plan has no {error}") from None
@@ -186,5 +187,5 @@ def _make_step(
         chosen,
         template.get("measures", ""),
         template.get("policy", ""),
-        template.get("variant", ""),
+        variant,
     )

@@ -235,7 +235,13 @@ def test_a_checkpoint_names_the_modes_that_training_drew(tmp_path: Path, t5: Pat
 
 
 @pytest.mark.parametrize(
-    ("embedded", "learns", "expected"), [(False, False, False), (False, True, True), (True, False, True)]
+    ("embedded", "learns", "wanted", "expected"),
+    [
+        (False, False, True, False),
+        (False, True, True, True),
+        (True, False, True, True),
+        (True, False, False, False),
+    ],
 )
 def test_only_a_small_language_model_meets_pseudo_names(
     dataset: LeRobotDataset,
@@ -243,6 +249,7 @@ def test_only_a_small_language_model_meets_pseudo_names(
     monkeypatch: pytest.MonkeyPatch,
     embedded: bool,
     learns: bool,
+    wanted: bool,
     expected: bool,
 ) -> None:
     policy, preprocessor, _ = make(
@@ -250,6 +257,7 @@ def test_only_a_small_language_model_meets_pseudo_names(
         Path(EMBEDDED) if embedded else t5,
         train_language_model=learns,
         mode_probabilities={"describe": 1.0},
+        made_up_names=wanted,
     )
     batch = load_batch(dataset.root, list(range(dataset.num_frames)), preprocessor)
     true = [f"describe: {task.split()[-1]}" for task in batch["task"]]
@@ -280,6 +288,33 @@ def test_a_policy_that_looks_for_no_name_meets_pseudo_names_in_language_alone(
     samples = sampler.sample(batch, sample_rngs(0, batch["index"]))
     said = samples.targets if mode == "describe" else [prompt.split(": ")[1] for prompt in samples.prompts]
     assert any(text != spoken(task) for text, task in zip(said, batch["task"], strict=True)) == renames
+
+
+def test_a_batch_may_have_one_mode(dataset: LeRobotDataset) -> None:
+    shares = {"execute": 0.5, "describe": 0.5}
+    batch = load_batch(dataset.root, list(range(dataset.num_frames)), lambda batch: batch)
+    drawn = [set[int](), set[int]()]
+    for per_sample in (True, False):
+        sampler = ModeSampler(shares, {}, names_objects=True, pseudo_names=False, per_sample=per_sample)
+        for seed in range(8):
+            modes = {*sampler.sample(batch, sample_rngs(seed, batch["index"])).mode.tolist()}
+            assert len(modes) == (2 if per_sample else 1)
+            drawn[per_sample] |= modes
+    assert drawn[0] == drawn[1] == {prompts.EXECUTE, prompts.DESCRIBE}
+
+
+def test_without_a_stop_output_a_plan_goes_on_and_nothing_is_learnt_of_its_end(
+    dataset: LeRobotDataset, t5: Path
+) -> None:
+    policy, preprocessor, _ = make(dataset, t5, stop_output=False)
+    batch = load_batch(dataset.root, FRAMES, preprocessor)
+    policy.train().forward(batch)[0].backward()
+    stop = policy.model.core.decoder.stop
+    assert stop.weight.grad is None or not stop.weight.grad.any()
+    torch.nn.init.constant_(stop.bias, 100.0)  # it would stop at once
+    policy.eval()
+    plan = policy.predict_action_chunk(batch)
+    assert (plan.diff(dim=1) != 0).any(dim=-1).all()
 
 
 def test_without_texts_the_other_modes_share(tmp_path: Path, t5: Path) -> None:

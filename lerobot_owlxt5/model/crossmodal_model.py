@@ -60,6 +60,7 @@ class CrossmodalModel(nn.Module):
             n_lstm_layers=config.n_lstm_layers,
         )
         self._max_text_tokens = config.max_text_tokens
+        self._stop_output = config.stop_output
 
     def forward(self, prompts: Sequence[str], visual: Tensor, joints: Tensor) -> CrossmodalOutput:
         """Join prompts with visual features and joints.
@@ -91,7 +92,7 @@ class CrossmodalModel(nn.Module):
 
     @torch.no_grad()
     def plan(self, prompts: Sequence[str], visual: Tensor, joints: Tensor, steps: int) -> Tensor:
-        """Answer prompts with movements, (batch, steps, n_joints), held after the stop output.
+        """Answer prompts with movements, (batch, steps, n_joints), held after the stop output if there is one.
 
         See `forward` for the arguments.
 
@@ -105,7 +106,7 @@ class CrossmodalModel(nn.Module):
                 "The planned movement is not finite, so nothing moves. Either the observation is not finite, "
                 "or the checkpoint's weights are not, because its training diverged: load an earlier one."
             )
-        return hold_after_stop(actions, stop_logits)
+        return hold_after_stop(actions, stop_logits) if self._stop_output else actions
 
     def text_loss(self, output: CrossmodalOutput, targets: Sequence[str]) -> Tensor:
         """Cross entropy of T5's decoder, which attends to l_enc + FC(h): (batch,), in nats per token."""
