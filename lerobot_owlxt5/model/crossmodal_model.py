@@ -92,7 +92,7 @@ class CrossmodalModel(nn.Module):
 
     @torch.no_grad()
     def plan(self, prompts: Sequence[str], visual: Tensor, joints: Tensor, steps: int) -> Tensor:
-        """Answer prompts with movements, (batch, steps, n_joints), held after the stop output if there is one.
+        """Answer prompts with movements, (batch, steps, n_joints), held after a stop output.
 
         See `forward` for the arguments.
 
