@@ -21,7 +21,7 @@ from .execution import Execution, Next, carry_out
 from .listener import Listener
 from .look_again import Memory
 from .model.crossmodal_model import CrossmodalModel
-from .scene import Scene, Search
+from .scene import Scene, Search, Thing
 from .sighting import Sight, Sighting
 from .text_query import Query, answer
 from .validation import check_state, read_tasks
@@ -213,7 +213,7 @@ class ExecutingPolicy(PreTrainedPolicy):
             return query.text
         before = self._spoken_of[0] if len(self._spoken_of) == 1 else None
         instruction = self._instruct(query.text, before)
-        [sighting], _ = self._look(batch, [_search(instruction, before)])
+        [sighting], _ = self._look(batch, [_search(instruction, before)], self._moved_before(1))
         return answer(instruction, sighting)
 
     def _is_due(self, index: int, task: str) -> bool:
@@ -230,17 +230,18 @@ class ExecutingPolicy(PreTrainedPolicy):
         """Do what comes next for some environments, of which the batch is: its i-th sample is `due[i]`'s."""
         last = [self._executions[index] for index in due]
         waiting = [each.memory if each and each.waits else None for each in last]
-        changes = self.sight.compare(batch, waiting)
+        compared = self.sight.compare(batch, waiting, _moved(last))
         instructions = dict[int, Instruction]()
         for sample, (index, task) in enumerate(zip(due, read_tasks(batch), strict=True)):
-            execution, change = last[sample], changes[sample]
+            execution, change = last[sample], compared[sample].change
             self.responses[index] = ""
             if execution is None or execution.task != task:
                 instructions[sample] = self._instruct(task, self._spoken_of[index])
             elif execution.next is Next.PLAN:
                 instructions[sample] = execution.instruction
             else:
-                execution.next, execution.change, self.reported[index] = Next.NOTHING, change, execution
+                execution.next, self.reported[index] = Next.NOTHING, execution
+                execution.change, execution.moved = compared[sample]
                 self.responses[index] = execution.report(change)
                 if later := execution.instruction.later:
                     instructions[sample] = self.listener.instruct_later(later, self._spoken_of[index])
@@ -283,7 +284,7 @@ class ExecutingPolicy(PreTrainedPolicy):
             Search(None) if home else _search(each, spoken)
             for each, spoken, home in zip(instructions, before, goes_home, strict=True)
         ]
-        seen, features = self._look(batch, searches)
+        seen, features = self._look(batch, searches, _moved(last))
         prompts = [instruction.prompt for instruction in instructions]
         plans = self.model.plan(prompts, features, still(poses), self.config.max_episode_steps)
         executions = []
@@ -302,6 +303,8 @@ class ExecutingPolicy(PreTrainedPolicy):
                 spoken = spoken_of(instruction.target, name)
                 said = instruction.intention(name)
                 executions.append(carry_out(*known, plans[sample], said, spoken, seen[sample].memory))
+        for execution, moved in zip(executions, _moved(last), strict=True):
+            execution.moved = moved
         return executions
 
     def scenes(self, batch: dict[str, Any]) -> list[Scene]:
@@ -313,11 +316,17 @@ class ExecutingPolicy(PreTrainedPolicy):
         Raises:
             ValueError: If the policy sees whole images and no objects.
         """
-        return self.sight.scenes(batch)
+        return self.sight.scenes(batch, self._moved_before(len(batch[OBS_STATE])))
 
-    def _look(self, batch: dict[str, Any], searches: Sequence[Search]) -> tuple[list[Sighting], Tensor]:
+    def _look(
+        self, batch: dict[str, Any], searches: Sequence[Search], moved: Sequence[Thing | None]
+    ) -> tuple[list[Sighting], Tensor]:
         """Find what is meant: sightings, and the network's features (batch, 1, dim)."""
-        return self.sight.find(batch, searches)
+        return self.sight.find(batch, searches, moved)
+
+    def _moved_before(self, count: int) -> list[Thing | None]:
+        """What each of so many robots has moved last; None if these are other robots than before."""
+        return _moved(self._executions if len(self._executions) == count else [None] * count)
 
     def _follow_things(self, batch: dict[str, Any]) -> None:
         """Pass over to new plans where a thing is elsewhere now that is about to be moved."""
@@ -326,7 +335,7 @@ class ExecutingPolicy(PreTrainedPolicy):
             return
         executions = [cast(Execution, self._executions[index]) for index in moving]
         memories = [cast(Memory, execution.memory) for execution in executions]
-        now, features = self.sight.follow(samples_at(batch, moving), memories)
+        now, features = self.sight.follow(samples_at(batch, moving), memories, _moved(executions))
         if not any(now):
             return
         starts = torch.stack([execution.start for execution in executions])
@@ -349,6 +358,11 @@ class ExecutingPolicy(PreTrainedPolicy):
     def sight(self) -> Sight:
         """Looks at images."""
         return Sight(self.visual, self.listener)
+
+
+def _moved(executions: Sequence[Execution | None]) -> list[Thing | None]:
+    """What each robot has moved last."""
+    return [execution.moved if execution else None for execution in executions]
 
 
 def _search(instruction: Instruction, before: Target | None) -> Search:

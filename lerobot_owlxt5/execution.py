@@ -14,6 +14,7 @@ from .commands.replies import MOVEMENT_OVER
 from .commands.verbs import VERBS
 from .data.start_pose import NEAR
 from .look_again import Memory
+from .scene import Thing
 from .way_home import APPROACH_STEPS, straight, way_back, way_out
 
 BLEND_STEPS = 8
@@ -47,6 +48,7 @@ class Execution:
         memory: What was seen before the movement; None if nobody can compare.
         step: How many steps are done.
         change: What was seen to have happened; None before the report, or if nobody can compare.
+        moved: What the robot has moved last, now or before, where it was seen then.
     """
 
     task: str | None
@@ -60,6 +62,7 @@ class Execution:
     memory: Memory | None = None
     step: int = 0
     change: Change | None = None
+    moved: Thing | None = None
 
     @property
     def waits(self) -> bool:

@@ -42,14 +42,29 @@ def remember(scene: Scene, thing: Thing) -> Memory:
     return Memory(thing, tuple(other for other in scene.things if other.apart_from(thing)))
 
 
-def changed(memory: Memory, scene: Scene) -> Change:
-    """Compare what is seen now with what was seen before."""
+def find_again(memory: Memory, scene: Scene) -> Thing | None:
+    """The thing that was meant, where it stands now; None if it is not seen any more.
+
+    It keeps its name: somewhere else it may look like another thing.
+    """
     old, alike = memory.thing, scene.called(memory.thing.name)
-    seen = [*alike, *scene.things]
-    stands = any(thing.distance(old) < STILL for thing in seen)
-    new = _none_of(memory.others, scene.things)
-    there = seen if stands else _none_of(memory.others, alike) or new
+    still = [thing for thing in (*alike, *scene.things) if thing.distance(old) < STILL]
+    there = still or _none_of(memory.others, alike) or _none_of(memory.others, scene.things)
     now = min(there, key=old.distance, default=None)
+    return Thing(old.name, now.box) if now else None
+
+
+def changed(memory: Memory, scene: Scene, now: Thing | None) -> Change:
+    """Compare what is seen now with what was seen before.
+
+    Args:
+        memory: What was seen before.
+        scene: What is seen now.
+        now: The thing that was meant, as `find_again` has found it.
+    """
+    old = memory.thing
+    seen, new = [*scene.called(old.name), *scene.things], _none_of(memory.others, scene.things)
+    stands = now is not None and now.distance(old) < STILL
     fell = now is not None and _slimness(old) > _UPRIGHT and _slimness(now) < _FLATTER * _slimness(old)
     left = [thing for thing in new if now is None or thing.apart_from(now)]
     gone = _none_of(seen, memory.others)

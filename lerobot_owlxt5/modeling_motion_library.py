@@ -22,7 +22,7 @@ from .data.start_pose import start_tolerance
 from .executing_policy import ExecutingPolicy
 from .motion_library import MotionLibrary
 from .object_point import ObjectPoint
-from .scene import Search
+from .scene import Search, Thing
 from .sighting import Sighting
 
 if TYPE_CHECKING:
@@ -108,9 +108,11 @@ class MotionLibraryPolicy(ExecutingPolicy):
             return instruction
         return replace(instruction, reply=NO_SUCH_MOTION)
 
-    def _look(self, batch: dict[str, Any], searches: Sequence[Search]) -> tuple[list[Sighting], Tensor]:
+    def _look(
+        self, batch: dict[str, Any], searches: Sequence[Search], moved: Sequence[Thing | None]
+    ) -> tuple[list[Sighting], Tensor]:
         """As all do; what is out of reach is a problem."""
-        seen, places = super()._look(batch, searches)
+        seen, places = super()._look(batch, searches, moved)
         reaches = [self.model.reaches(place) for [place] in places]
         return [
             sighting if near or not sighting.thing else replace(sighting, problem=out_of_reach(sighting.name))

@@ -8,7 +8,7 @@ from typing import Any
 
 from torch import Tensor
 
-from .backbones.detections import Candidates, Detector, Look
+from .backbones.detections import SAME_PLACE, Candidates, Detector, Look
 from .commands.answer import Landmark, Target
 from .commands.colours import COLOURS, basic_colour, split_colour
 from .commands.parser import object_name, with_article
@@ -92,7 +92,13 @@ class Scene:
         observation: Features `observation.*` of one sample, (1, ...).
         labels: Names of what may be there, beside everyday things.
         in_english: What a name is called in English. It returns an English or unknown one as it is.
+
+    Attributes:
+        moved: What the robot has moved last, where it saw it then; None if it has moved nothing. What stands
+            there has its name, whatever the detector calls it there.
     """
+
+    moved: Thing | None = None
 
     def __init__(
         self,
@@ -176,9 +182,19 @@ class Scene:
             return "I see nothing that I know."
         return f"I see {listed([with_article(thing.name) for thing in self.things], 'and')}."
 
-    @cached_property
+    @property
     def things(self) -> list[Thing]:
         """All that is seen, each by its best label, from left to right."""
+        return [self._as_moved(thing) or thing for thing in self._labelled]
+
+    def _as_moved(self, thing: Thing) -> Thing | None:
+        """A thing under the name of what the robot has moved, if it stands where that was seen last."""
+        moved = self.moved
+        return Thing(moved.name, thing.box) if moved and thing.distance(moved) < SAME_PLACE else None
+
+    @cached_property
+    def _labelled(self) -> list[Thing]:
+        """All that is seen, each by the detector's best label, from left to right."""
         found = self._proposed.things(self._detector.threshold)
         best = found.score.argmax(dim=1).tolist()
         things = [Thing(self._labels[label], found.box[place, label]) for place, label in enumerate(best)]
@@ -265,7 +281,9 @@ class Scene:
         score = found.score[:, wanted]
         fits = (score >= self._detector.threshold) & (score >= found.score.amax(dim=1))
         order = [place for place in score.argsort(descending=True).tolist() if fits[place]]
-        return [Thing(name, found.box[place, wanted]) for place in order]
+        if order or self.moved is None or self.moved.name != name:
+            return [Thing(name, found.box[place, wanted]) for place in order]
+        return [*filter(None, map(self._as_moved, self._labelled))]
 
     def _missing(self, target: Target | Landmark) -> str:
         """Say that there is no such thing, and what there is."""

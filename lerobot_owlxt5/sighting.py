@@ -3,14 +3,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 from torch import Tensor
 
 from .commands.happened import Change
 from .commands.replies import NO_OBJECTS_SEEN
 from .listener import Listener
-from .look_again import Memory, changed, displaced, remember
+from .look_again import Memory, changed, displaced, find_again, remember
 from .scene import Scene, Search, Thing
 from .visual_encoder import ObjectFinder, VisualEncoder
 
@@ -32,6 +32,18 @@ class Sighting:
     memory: Memory | None
 
 
+class Comparison(NamedTuple):
+    """What a second look has shown.
+
+    Attributes:
+        change: What has happened to a thing; None where nobody had looked at one before.
+        moved: What the robot has moved last, where it is seen now: `Scene.moved`.
+    """
+
+    change: Change | None
+    moved: Thing | None
+
+
 class Sight:
     """Looks at images with a policy's visual encoder, for names that its listener knows.
 
@@ -45,8 +57,12 @@ class Sight:
         self._visual, self._listener = visual, listener
         self.last: list[Scene] = []
 
-    def scenes(self, batch: Mapping[str, Any]) -> list[Scene]:
+    def scenes(self, batch: Mapping[str, Any], moved: Sequence[Thing | None]) -> list[Scene]:
         """What is seen now, for somebody to ask.
+
+        Args:
+            batch: Observations.
+            moved: See `Scene.moved`, for each.
 
         Raises:
             ValueError: If the policy sees whole images and no objects.
@@ -55,34 +71,44 @@ class Sight:
             raise ValueError(NO_OBJECTS_SEEN)
         finder, listener = cast(ObjectFinder, self._visual), self._listener
         self.last = finder.scenes(batch, listener.labels, listener.in_english)
+        for scene, thing in zip(self.last, moved, strict=True):
+            scene.moved = thing
         return self.last
 
-    def find(self, batch: Mapping[str, Any], searches: Sequence[Search]) -> tuple[list[Sighting], Tensor]:
-        """Find what is meant: sightings, and the network's features (batch, 1, dim).
+    def find(
+        self, batch: Mapping[str, Any], searches: Sequence[Search], moved: Sequence[Thing | None]
+    ) -> tuple[list[Sighting], Tensor]:
+        """Find what is meant: sightings, and the network's features (batch, 1, dim); see `scenes`.
 
         Without a detector, what a name means is for the network to tell.
         """
         if self._visual.names_objects:
-            seen = [_find(*each) for each in zip(self.scenes(batch), searches, strict=True)]
+            seen = [_find(*each) for each in zip(self.scenes(batch, moved), searches, strict=True)]
             things = [sighting.thing for sighting in seen]
             return seen, cast(ObjectFinder, self._visual).features(batch, things)
         seen = [without_objects(search) for search in searches]
         return seen, self._visual.encode(batch, [sighting.name for sighting in seen]).features[:, :1]
 
-    def compare(self, batch: Mapping[str, Any], memories: Sequence[Memory | None]) -> list[Change | None]:
-        """What has changed since something was seen; None where nothing was."""
+    def compare(
+        self, batch: Mapping[str, Any], memories: Sequence[Memory | None], moved: Sequence[Thing | None]
+    ) -> list[Comparison]:
+        """What has changed since something was seen, and where it is now; see `scenes`."""
         if not any(memories):
-            return [None] * len(memories)
-        scenes = self.scenes(batch)
-        return [
-            changed(memory, scene) if memory else None for memory, scene in zip(memories, scenes, strict=True)
-        ]
+            return [Comparison(None, thing) for thing in moved]
+        compared = []
+        for memory, scene in zip(memories, self.scenes(batch, moved), strict=True):
+            change = None
+            if memory:
+                now = find_again(memory, scene)
+                change, scene.moved = changed(memory, scene, now), now
+            compared.append(Comparison(change, scene.moved))
+        return compared
 
     def follow(
-        self, batch: Mapping[str, Any], memories: Sequence[Memory]
+        self, batch: Mapping[str, Any], memories: Sequence[Memory], moved: Sequence[Thing | None]
     ) -> tuple[list[Memory | None], Tensor]:
         """Find things that are elsewhere now, None for the others, and the network's features."""
-        things = [displaced(*each) for each in zip(memories, self.scenes(batch), strict=True)]
+        things = [displaced(*each) for each in zip(memories, self.scenes(batch, moved), strict=True)]
         now = [
             Memory(thing, memory.others) if thing else None
             for thing, memory in zip(things, memories, strict=True)

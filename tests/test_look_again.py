@@ -9,7 +9,7 @@ import torch
 
 from lerobot_owlxt5.commands.happened import Change
 from lerobot_owlxt5.commands.verbs import AWAY, CLOSER, LEFT, RIGHT
-from lerobot_owlxt5.look_again import Memory, changed
+from lerobot_owlxt5.look_again import Memory, changed, find_again
 from lerobot_owlxt5.scene import Scene, Thing
 
 
@@ -30,8 +30,8 @@ def thing(name: str, left: float, upper: float, right: float, lower: float) -> T
 def after(now: Thing, *others: Thing) -> Change:
     """What changed since the cube stood upright in the image's middle, and the mug beside it."""
     before = Memory(thing("cube", 0.45, 0.45, 0.55, 0.55), (thing("mug", 0.2, 0.4, 0.3, 0.55),))
-    seen = Seen([now, *(others or before.others)])
-    return changed(before, cast(Scene, seen))
+    seen = cast(Scene, Seen([now, *(others or before.others)]))
+    return changed(before, seen, find_again(before, seen))
 
 
 @pytest.mark.parametrize(
@@ -57,9 +57,17 @@ def test_a_corner_in_front_is_no_way_closer() -> None:
 def test_a_fallen_thing_did_not_come_closer_because_its_top_came_down() -> None:
     before = Memory(thing("bottle", 0.45, 0.2, 0.55, 0.55), ())
     now = thing("bottle", 0.35, 0.4, 0.6, 0.5)
-    assert changed(before, cast(Scene, Seen([now]))) == Change(AWAY, fell=True)
+    assert changed(before, cast(Scene, Seen([now])), now) == Change(AWAY, fell=True)
 
 
 def test_what_another_thing_did_is_told_too() -> None:
     change = after(thing("cube", 0.45, 0.4, 0.55, 0.5), thing("mug", 0.25, 0.4, 0.35, 0.55))
     assert change == Change(AWAY, others=("mug",))
+
+
+def test_a_thing_keeps_its_name_where_it_looks_like_another_one() -> None:
+    before = Memory(thing("cube", 0.45, 0.45, 0.55, 0.55), (thing("mug", 0.2, 0.4, 0.3, 0.55),))
+    book = thing("book", 0.45, 0.3, 0.55, 0.4)
+    for things, name in (([*before.others, book], "cube"), ([*before.others], None)):
+        now = find_again(before, cast(Scene, Seen(things)))
+        assert (now.name if now else None) == name

@@ -174,7 +174,7 @@ def test_an_object_that_the_command_does_not_name_is_no_success() -> None:
             asked = env.command.action
             assert asked is not None
             slot = asked.slot if named else env.action.slot
-            simulation = env._simulation
+            simulation = env.simulation
             simulation.data.joint(simulation.arrangement[slot]).qpos[0] += 0.05
             outcomes.append(env.step(INITIAL_POSE_DEG.astype(np.float32) + 5)[-1])
         env.reset(seed=2)

@@ -10,7 +10,7 @@ import torch
 from lerobot_owlxt5.backbones.detections import Candidates, Detector
 from lerobot_owlxt5.commands.answer import Landmark, Relation, Target
 from lerobot_owlxt5.commands.colours import basic_colour, split_colour
-from lerobot_owlxt5.scene import Scene, Search
+from lerobot_owlxt5.scene import Scene, Search, Thing
 
 X = {"left": 0.2, "middle": 0.5, "right": 0.8}
 
@@ -144,6 +144,23 @@ def test_training_takes_the_best_and_a_report_needs_no_target() -> None:
     assert scene.find(Search(Target("cube"), takes_best=True)).thing is not None
     assert scene.find(Search(None, wants_report=True)).problem == SEES_CUBES
     assert (scene.find(Search(None)).thing, scene.find(Search(None)).problem) == (None, "")
+
+
+def test_what_the_robot_has_moved_keeps_its_name() -> None:
+    there = Thing("mug", torch.tensor([0.155, 0.4, 0.255, 0.505]))
+    for things, side, seen in (
+        # It looks like a can from there.
+        ({"left": "can", "right": "ball"}, "left", ["mug", "ball"]),
+        # Somebody has taken it away.
+        ({"middle": "can", "right": "ball"}, None, ["can", "ball"]),
+    ):
+        scene = Scene(Table(things), {}, [], lambda name: {"becher": "mug"}.get(name, name))
+        scene.moved = there
+        assert [thing.name for thing in scene.things] == seen
+        for said in ("mug", "becher"):
+            found = scene.find(Search(Target(said))).thing
+            assert (found and found.place.x) == (side and pytest.approx(X[side]))
+        assert scene.find(Search(Target("ball"))).thing is not None
 
 
 def test_words_for_colours() -> None:

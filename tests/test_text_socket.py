@@ -169,6 +169,6 @@ def test_one_robot_and_one_text(t5: Path) -> None:
 
 def test_a_policy_that_sees_no_objects_claims_nothing(t5: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     policy = make_policy(t5, understanding="embedded")
-    monkeypatch.setattr(policy, "_look", lambda _, searches: ([*map(without_objects, searches)], None))
+    monkeypatch.setattr(policy, "_look", lambda _, searches, __: ([*map(without_objects, searches)], None))
     answer = policy.generate_text(observe(["what do you see?"]))
     assert answer == f"{AS_A_TASK} {NO_OBJECTS_SEEN}"

@@ -90,6 +90,9 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
 
     `options={"keep": True, "task": "pull mug"}` goes on from where objects and arms are, with a new task that
     is judged from there.
+
+    Attributes:
+        simulation: The table, the robot and the objects.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": CONTROL_HZ}  # noqa: RUF012  Gymnasium's own attribute
@@ -146,7 +149,7 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         check_words(words, len(items), len(SLOTS) + distractors)
         self._words, self._distractors = words, distractors
         self._names = {word: item.name for item in items for word in (item.name, *item.synonyms)}
-        self._simulation = TabletopSimulation(items)
+        self.simulation = TabletopSimulation(items)
         self._step = 0
         limits = joint_limits_deg().astype(np.float32)
         self.action_space = spaces.Box(limits[:, 0], limits[:, 1], dtype=np.float32)
@@ -187,7 +190,7 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
             start = self._kept_start(options)
         else:
             start = self._new_start(options, target, random, for_distractors)
-        arrangement = self._simulation.arrangement
+        arrangement = self.simulation.arrangement
         if target is not None and target not in arrangement:
             raise ValueError(f"the task {task!r} needs a {target}, but there are {list(arrangement)}")
         self.action = self._own_action if verb is None else Action(arrangement.index(target), verb)
@@ -195,12 +198,12 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
             self.command = canonical(self.action, target)
         else:
             further = [name for name, _ in start["distractors"]]
-            objects = self._simulation.objects
+            objects = self.simulation.objects
             self.command = draw_command(self._words, self.action, objects, arrangement, further, for_words)
         self._seed, self._scene = seed, start
         self._held_still = True
         self._start = self._positions()
-        self._start_pose = self._simulation.joint_positions_deg
+        self._start_pose = self.simulation.joint_positions_deg
         self._step = 0
         return self._observation(), {"arrangement": arrangement, **start}
 
@@ -214,7 +217,7 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         """Place the objects and the arms anew; poses, conditions and distractors, for reset's info."""
         arrangement = options.get("arrangement")
         if arrangement is None:
-            choices = arrangements(tuple(self._simulation.objects))
+            choices = arrangements(tuple(self.simulation.objects))
             choices = [each for each in choices if target is None or target in each]
             arrangement = choices[self.np_random.integers(len(choices))]
         poses = options.get("poses")
@@ -226,11 +229,11 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
             conditions = draw_conditions(self._variation, poses, for_conditions)
         distractors = options.get("distractors")
         if distractors is None:
-            left = [name for name in self._simulation.objects if name not in arrangement]
+            left = [name for name in self.simulation.objects if name not in arrangement]
             shifted = conditions.shifted(poses)
             distractors = draw_distractors(self._distractors, left, shifted, for_distractors)
         distractors = tuple(Distractor(name, Pose(*pose)) for name, pose in distractors)
-        self._simulation.reset(arrangement, poses, conditions, distractors)
+        self.simulation.reset(arrangement, poses, conditions, distractors)
         return {"poses": poses, "conditions": conditions, "distractors": distractors}
 
     def _kept_start(self, options: dict[str, Any]) -> dict[str, Any]:
@@ -241,28 +244,28 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
             if options.get(name) is not None
         ]:
             raise ValueError(f"reset with keep goes on from what is there: leave out {' and '.join(given)}")
-        if not self._simulation.arrangement:
+        if not self.simulation.arrangement:
             raise ValueError(
                 "reset with keep goes on from an episode, and there was none: reset without it first"
             )
-        arms = self._simulation.joint_positions_deg - INITIAL_POSE_DEG
+        arms = self.simulation.joint_positions_deg - INITIAL_POSE_DEG
         conditions = replace(
-            self._simulation.conditions, arms_deg=tuple(arms.tolist()), shift_cm=Conditions().shift_cm
+            self.simulation.conditions, arms_deg=tuple(arms.tolist()), shift_cm=Conditions().shift_cm
         )
         return {
-            "poses": self._simulation.object_poses(),
+            "poses": self.simulation.object_poses(),
             "conditions": conditions,
-            "distractors": self._simulation.present_distractors(),
+            "distractors": self.simulation.present_distractors(),
         }
 
     def _positions(self) -> NDArray[np.float64]:
         """Of the three objects, then of the distractors, shape (objects, 3), metres."""
-        simulation = self._simulation
+        simulation = self.simulation
         return np.concatenate([simulation.object_positions(), simulation.distractor_positions()])
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Follow the joint targets for 0.1 s; see the class for observation, reward and info."""
-        self._simulation.step(action)
+        self.simulation.step(action)
         self._held_still &= bool(np.abs(action - self._start_pose).max() <= HELD_STILL_DEG)
         self._step += 1
         if self._step < self._max_episode_steps:
@@ -281,7 +284,7 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
                 Episode(
                     seed=self._seed,
                     objects=self._objects,
-                    arrangement=self._simulation.arrangement,
+                    arrangement=self.simulation.arrangement,
                     action=self.task,
                     task=self.task_description,
                     outcome=info["outcome"],
@@ -298,16 +301,16 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
 
     def _observation(self) -> dict[str, Any]:
         height, width = self._size
-        boxes = self._simulation.object_boxes(width / height)
+        boxes = self.simulation.object_boxes(width / height)
         return {
-            "pixels": {EYES: self._simulation.render(EYES, height, width)},
-            "agent_pos": self._simulation.joint_positions_deg.astype(np.float32),
-            "objects": describe_objects(boxes, self._simulation.arrangement),
+            "pixels": {EYES: self.simulation.render(EYES, height, width)},
+            "agent_pos": self.simulation.joint_positions_deg.astype(np.float32),
+            "objects": describe_objects(boxes, self.simulation.arrangement),
         }
 
     def render(self) -> NDArray[np.uint8]:
         """The scene as a bystander sees it, with the command in it, uint8 (360, 480, 3)."""
-        image = Image.fromarray(self._simulation.render(SPECTATOR, 360, 480))
+        image = Image.fromarray(self.simulation.render(SPECTATOR, 360, 480))
         ImageDraw.Draw(image).text(
             (8, 6),
             textwrap.fill(self.task_description, _LINE),
@@ -320,4 +323,4 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
 
     def close(self) -> None:
         """Free the GL contexts."""
-        self._simulation.close()
+        self.simulation.close()
