@@ -21,8 +21,8 @@ from .execution import Execution, Next, carry_out
 from .listener import Listener
 from .look_again import Memory
 from .model.crossmodal_model import CrossmodalModel
-from .scene import Scene, Search, Thing
-from .sighting import Sight, Sighting
+from .scene import Scene, Search
+from .sighting import Moved, Sight, Sighting
 from .text_query import Query, answer
 from .validation import check_state, read_tasks
 from .visual_encoder import VisualEncoder
@@ -319,13 +319,13 @@ class ExecutingPolicy(PreTrainedPolicy):
         return self.sight.scenes(batch, self._moved_before(len(batch[OBS_STATE])))
 
     def _look(
-        self, batch: dict[str, Any], searches: Sequence[Search], moved: Sequence[Thing | None]
+        self, batch: dict[str, Any], searches: Sequence[Search], moved: Sequence[Moved]
     ) -> tuple[list[Sighting], Tensor]:
         """Find what is meant: sightings, and the network's features (batch, 1, dim)."""
         return self.sight.find(batch, searches, moved)
 
-    def _moved_before(self, count: int) -> list[Thing | None]:
-        """What each of so many robots has moved last; None if these are other robots than before."""
+    def _moved_before(self, count: int) -> list[Moved]:
+        """What each of so many robots has moved; nothing if these are other robots than before."""
         return _moved(self._executions if len(self._executions) == count else [None] * count)
 
     def _follow_things(self, batch: dict[str, Any]) -> None:
@@ -360,9 +360,9 @@ class ExecutingPolicy(PreTrainedPolicy):
         return Sight(self.visual, self.listener)
 
 
-def _moved(executions: Sequence[Execution | None]) -> list[Thing | None]:
-    """What each robot has moved last."""
-    return [execution.moved if execution else None for execution in executions]
+def _moved(executions: Sequence[Execution | None]) -> list[Moved]:
+    """What each robot has moved."""
+    return [execution.moved if execution else () for execution in executions]
 
 
 def _search(instruction: Instruction, before: Target | None) -> Search:

@@ -48,7 +48,7 @@ class Execution:
         memory: What was seen before the movement; None if nobody can compare.
         step: How many steps are done.
         change: What was seen to have happened; None before the report, or if nobody can compare.
-        moved: What the robot has moved last, now or before, where it was seen then.
+        moved: What the robot has moved, now or before, each thing where it was seen then.
     """
 
     task: str | None
@@ -62,7 +62,7 @@ class Execution:
     memory: Memory | None = None
     step: int = 0
     change: Change | None = None
-    moved: Thing | None = None
+    moved: tuple[Thing, ...] = ()
 
     @property
     def waits(self) -> bool:

@@ -22,8 +22,8 @@ from .data.start_pose import start_tolerance
 from .executing_policy import ExecutingPolicy
 from .motion_library import MotionLibrary
 from .object_point import ObjectPoint
-from .scene import Search, Thing
-from .sighting import Sighting
+from .scene import Search
+from .sighting import Moved, Sighting
 
 if TYPE_CHECKING:
     from lerobot.datasets import LeRobotDatasetMetadata
@@ -109,7 +109,7 @@ class MotionLibraryPolicy(ExecutingPolicy):
         return replace(instruction, reply=NO_SUCH_MOTION)
 
     def _look(
-        self, batch: dict[str, Any], searches: Sequence[Search], moved: Sequence[Thing | None]
+        self, batch: dict[str, Any], searches: Sequence[Search], moved: Sequence[Moved]
     ) -> tuple[list[Sighting], Tensor]:
         """As all do; what is out of reach is a problem."""
         seen, places = super()._look(batch, searches, moved)

@@ -94,11 +94,10 @@ class Scene:
         in_english: What a name is called in English. It returns an English or unknown one as it is.
 
     Attributes:
-        moved: What the robot has moved last, where it saw it then; None if it has moved nothing. What stands
-            there has its name, whatever the detector calls it there.
+        moved: What the robot has moved, each thing where it saw it then. What stands there keeps its name.
     """
 
-    moved: Thing | None = None
+    moved: tuple[Thing, ...] = ()
 
     def __init__(
         self,
@@ -188,9 +187,9 @@ class Scene:
         return [self._as_moved(thing) or thing for thing in self._labelled]
 
     def _as_moved(self, thing: Thing) -> Thing | None:
-        """A thing under the name of what the robot has moved, if it stands where that was seen last."""
-        moved = self.moved
-        return Thing(moved.name, thing.box) if moved and thing.distance(moved) < SAME_PLACE else None
+        """A thing under the name of what the robot has moved, if it is that; a red cube is also a cube."""
+        here = (moved.name for moved in self.moved if thing.distance(moved) < SAME_PLACE)
+        return next((Thing(name, thing.box) for name in here if not name.endswith(thing.name)), None)
 
     @cached_property
     def _labelled(self) -> list[Thing]:
@@ -276,14 +275,19 @@ class Scene:
 
     def _best_called(self, name: str, rivals: Sequence[str]) -> list[Thing]:
         """All things that a name fits, and none of its rivals better; what fits best comes first."""
+        found = self._detected(name, rivals)
+        if found or all(moved.name != name for moved in self.moved):
+            return found
+        return [thing for thing in map(self._as_moved, self._labelled) if thing and thing.name == name]
+
+    def _detected(self, name: str, rivals: Sequence[str]) -> list[Thing]:
+        """The same, as the detector sees it."""
         found = self._look([rivals]).things(self._detector.threshold)
         wanted = rivals.index(name)
         score = found.score[:, wanted]
         fits = (score >= self._detector.threshold) & (score >= found.score.amax(dim=1))
         order = [place for place in score.argsort(descending=True).tolist() if fits[place]]
-        if order or self.moved is None or self.moved.name != name:
-            return [Thing(name, found.box[place, wanted]) for place in order]
-        return [*filter(None, map(self._as_moved, self._labelled))]
+        return [Thing(name, found.box[place, wanted]) for place in order]
 
     def _missing(self, target: Target | Landmark) -> str:
         """Say that there is no such thing, and what there is."""

@@ -14,6 +14,9 @@ from .look_again import Memory, changed, displaced, find_again, remember
 from .scene import Scene, Search, Thing
 from .visual_encoder import ObjectFinder, VisualEncoder
 
+Moved = tuple[Thing, ...]
+"""What a robot has moved, see `Scene.moved`."""
+
 
 @dataclass(frozen=True)
 class Sighting:
@@ -37,11 +40,11 @@ class Comparison(NamedTuple):
 
     Attributes:
         change: What has happened to a thing; None where nobody had looked at one before.
-        moved: What the robot has moved last, where it is seen now: `Scene.moved`.
+        moved: What the robot has moved, where it is seen now: `Scene.moved`.
     """
 
     change: Change | None
-    moved: Thing | None
+    moved: Moved
 
 
 class Sight:
@@ -57,7 +60,7 @@ class Sight:
         self._visual, self._listener = visual, listener
         self.last: list[Scene] = []
 
-    def scenes(self, batch: Mapping[str, Any], moved: Sequence[Thing | None]) -> list[Scene]:
+    def scenes(self, batch: Mapping[str, Any], moved: Sequence[Moved]) -> list[Scene]:
         """What is seen now, for somebody to ask.
 
         Args:
@@ -71,12 +74,12 @@ class Sight:
             raise ValueError(NO_OBJECTS_SEEN)
         finder, listener = cast(ObjectFinder, self._visual), self._listener
         self.last = finder.scenes(batch, listener.labels, listener.in_english)
-        for scene, thing in zip(self.last, moved, strict=True):
-            scene.moved = thing
+        for scene, things in zip(self.last, moved, strict=True):
+            scene.moved = things
         return self.last
 
     def find(
-        self, batch: Mapping[str, Any], searches: Sequence[Search], moved: Sequence[Thing | None]
+        self, batch: Mapping[str, Any], searches: Sequence[Search], moved: Sequence[Moved]
     ) -> tuple[list[Sighting], Tensor]:
         """Find what is meant: sightings, and the network's features (batch, 1, dim); see `scenes`.
 
@@ -90,22 +93,25 @@ class Sight:
         return seen, self._visual.encode(batch, [sighting.name for sighting in seen]).features[:, :1]
 
     def compare(
-        self, batch: Mapping[str, Any], memories: Sequence[Memory | None], moved: Sequence[Thing | None]
+        self, batch: Mapping[str, Any], memories: Sequence[Memory | None], moved: Sequence[Moved]
     ) -> list[Comparison]:
         """What has changed since something was seen, and where it is now; see `scenes`."""
         if not any(memories):
-            return [Comparison(None, thing) for thing in moved]
+            return [Comparison(None, things) for things in moved]
         compared = []
         for memory, scene in zip(memories, self.scenes(batch, moved), strict=True):
             change = None
             if memory:
                 now = find_again(memory, scene)
-                change, scene.moved = changed(memory, scene, now), now
+                change = changed(memory, scene, now)
+                others = [thing for thing in scene.moved if thing.name != memory.thing.name]
+                # What was taught is known by what it looks like, until somebody tells the robot to forget it.
+                scene.moved = (*others, now) if now and now.name not in scene.taught else (*others,)
             compared.append(Comparison(change, scene.moved))
         return compared
 
     def follow(
-        self, batch: Mapping[str, Any], memories: Sequence[Memory], moved: Sequence[Thing | None]
+        self, batch: Mapping[str, Any], memories: Sequence[Memory], moved: Sequence[Moved]
     ) -> tuple[list[Memory | None], Tensor]:
         """Find things that are elsewhere now, None for the others, and the network's features."""
         things = [displaced(*each) for each in zip(memories, self.scenes(batch, moved), strict=True)]

@@ -155,7 +155,7 @@ def test_what_the_robot_has_moved_keeps_its_name() -> None:
         ({"middle": "can", "right": "ball"}, None, ["can", "ball"]),
     ):
         scene = Scene(Table(things), {}, [], lambda name: {"becher": "mug"}.get(name, name))
-        scene.moved = there
+        scene.moved = (Thing("book", torch.zeros(4)), there)
         assert [thing.name for thing in scene.things] == seen
         for said in ("mug", "becher"):
             found = scene.find(Search(Target(said))).thing
