@@ -449,7 +449,8 @@ def test_a_rollout_without_recording(folder: Path) -> None:
         (
             "episodic",
             (
-                *("--dataset.num_episodes=2", "--dataset.episode_time_s=2", "--dataset.reset_time_s=1"),
+                # LeRobot keeps no statistics of an episode of one image: a busy machine needs the time.
+                *("--dataset.num_episodes=2", "--dataset.episode_time_s=5", "--dataset.reset_time_s=1"),
                 *("--robot.reset_when_idle=true", "--strategy.reset_to_initial_position=false"),
             ),
             2,
