@@ -12,13 +12,14 @@ from .commands.happened import Change
 from .commands.instruction import Instruction
 from .commands.replies import MOVEMENT_OVER
 from .commands.verbs import VERBS
-from .data.start_pose import NEAR
 from .look_again import Memory
 from .scene import Thing
 from .way_home import APPROACH_STEPS, straight, way_back, way_out
 
 BLEND_STEPS = 8
 """So many steps pass from an old plan to a new one, when the thing was moved in the middle of a movement."""
+_ON_ITS_PATH = 0.1
+"""A robot is where its path has led it if no joint is farther off, as a share of half its range."""
 
 
 class Next(StrEnum):
@@ -121,7 +122,7 @@ class Execution:
             home: (joints,), where movements begin.
         """
         done = torch.cat([self.start[None], self.path[: self.step]])
-        if (pose - done[-1]).abs().max() > NEAR:
+        if (pose - done[-1]).abs().max() > _ON_ITS_PATH:
             return straight(pose, home)
         return torch.cat([way_out(done), straight(self.start, home)])
 
