@@ -211,7 +211,8 @@ class Conversation:
                 self._translate(sentence)
             case Remark(text, then):
                 self._say(text)
-                self._take(then)
+                if then:
+                    self._take(then)
             case Do(request, words):
                 self._last, self._tried_again = request, False
                 self._begin(self._policy.agree(request, words))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ..commands.replies import ABILITIES, REPLIES
 from .questions import Question
 
-_HOLDING = "I hold still, because "
+_HOLDING = "I hold still"
 _WORKED = {True: "Yes.", False: "No.", None: "I cannot tell."}
 
 
@@ -58,10 +58,8 @@ class Memory:
     @property
     def _why(self) -> str:
         if self.still:
-            because = self.still.removeprefix(_HOLDING)
-            return (
-                f"I held still, because {because}" if because != self.still else f"I held still. {self.still}"
-            )
+            rest = self.still.removeprefix(_HOLDING)
+            return f"I held still{rest}" if rest != self.still else f"I held still. {self.still}"
         if self.doing:
             return f"I am moving: {self.doing}"
         return f"I did move. {self.did}" if self.did else "Nobody has asked me to move anything yet."

@@ -39,6 +39,7 @@ YES |= {
     "yes i did",
     "go on",
 }
+YES |= {"ok", "okay", "alright", "all right", "ok yes", "okay yes", "klar", "ja klar", "ja bitte"}
 NO = {"no", "nope", "nein", "no thanks", "no thank you", "nein danke", "never mind", "do not", "don't"}
 NO |= {"neither", "none", "lass es", "egal", "nothing", "nichts", "not that"}
 OTHER_WAY = {"the other way", "the other direction", "other way", "other direction", "the other way round"}

@@ -14,6 +14,7 @@ from ..commands.parser import plain
 from ..commands.prompts import MAX_CHARACTERS
 from ..commands.replies import HOLDS, NOTHING_ASKED, TOO_LONG, ask_back, ask_whether
 from ..commands.verbs import opposite
+from .courtesies import courtesy
 from .fragments import how, which
 from .phrases import AGAIN, DONE, HOME, IMITATE, NO, OTHER_WAY, STOP, WATCH, YES, corrected, says
 from .questions import read_question
@@ -24,6 +25,7 @@ from .steps import (
     GoHome,
     Imitate,
     Open,
+    Remark,
     Say,
     Situation,
     Step,
@@ -66,7 +68,9 @@ def plan_by_phrases(words: str, situation: Situation) -> Step | None:
     if lesson := read_lesson(words, situation):
         return lesson
     reply = _reply_to(situation.open, words, situation) if situation.open else None
-    return reply or _correction(words, situation)
+    step = reply or _correction(words, situation)
+    said = None if step else courtesy(words, situation.seen)
+    return Remark(said) if said else step
 
 
 def _reply_to(asked: Open, words: str, situation: Situation) -> Step | None:

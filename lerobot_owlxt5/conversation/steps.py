@@ -102,11 +102,11 @@ class Remark:
 
     Attributes:
         text: What to say.
-        then: What to do.
+        then: What to do; None: a movement goes on, and a question of the robot's waits on.
     """
 
     text: str
-    then: "Step"
+    then: "Step | None" = None
 
 
 Step = Say | Ask | Do | Stop | GoHome | Watch | Describe | Imitate | Teach | Forget | Translate | Remark
