@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A conversation: what is heard becomes a step of a plan, and each control period goes on with it."""
 
+from dataclasses import replace
 from typing import Any
 
 import torch
@@ -18,7 +19,7 @@ from .body import Body, Processor
 from .expressions import Expressions
 from .lines import Line, add
 from .memory import Memory
-from .questions import Question
+from .questions import IT, Question
 from .rules import plan_by_rules
 from .showing import Showing
 from .spelling import respelt
@@ -316,6 +317,8 @@ class Conversation:
         scene = self._scene_or_say()
         if scene is None:
             return
+        if question.name == IT:
+            question = replace(question, name=self.looking_at.name if self.looking_at else "")
         text, thing = answer(question, scene)
         self._speak_of(thing)
         self._say(text)

@@ -45,13 +45,23 @@ NO |= {"neither", "none", "lass es", "egal", "nothing", "nichts", "not that"}
 OTHER_WAY = {"the other way", "the other direction", "other way", "other direction", "the other way round"}
 OTHER_WAY |= {"the other way around", "in the other direction", "the opposite direction"}
 OTHER_WAY |= {"andersrum", "andersherum", "anders herum", "anders rum", "die andere richtung"}
-OTHER_WAY |= {"in die andere richtung"}
+OTHER_WAY |= {"in die andere richtung", "undo that", "undo it", "undo", "rückgängig", "mach das rückgängig"}
 
 # "No, the mug" and "no the mug" correct, "no mug" does not.
 _AFTER_NO = "the|die|der|das|den|i|ich|to|nach|wait|warte"
 _NO = rf"(?:(?:no|nope|nein|sorry|ach|oh|wait|warte)(?:\s*[,.!;:]\s*|\s+(?=(?:{_AFTER_NO})\b)))"
 _MEANT = r"(?:(?:i|ich)\s+(?:meant?|meine?|meinte)\b[\s,:]*)"
 _CORRECTION = re.compile(rf"(?:{_NO}+{_MEANT}?|{_MEANT})(?P<rest>.+)", re.IGNORECASE | re.DOTALL)
+
+# "And the mug too" and "the same with the mug" say to do with it what was done last.
+_ARTICLE = r"(?:the|die|der|das|den|my|meine?n?)"
+_ADDED = (
+    rf"(?:and|also|now|then|next|und|auch|jetzt|dann)\s+(?:also\s+|auch\s+)?(?P<rest>{_ARTICLE}\s.+?)"
+    r"(?:\s+(?:too|also|as well|auch))?",
+    rf"(?P<rest>{_ARTICLE}\s.+?)\s+(?:too|also|as well|auch)",
+    r"(?:(?:please\s+)?(?:do|mach|tu)\s+)?(?:the|das)\s+(?:same|gleiche|selbe)\s+(?:thing\s+)?"
+    r"(?:with|to|for|mit)\s+(?P<rest>.+)",
+)
 
 
 def says(words: str, phrases: set[str]) -> bool:
@@ -66,3 +76,10 @@ def corrected(words: str) -> str:
     """What somebody says in place of what was said: "the mug" of "no, I meant the mug"; else ""."""
     found = _CORRECTION.fullmatch(words.strip())
     return found["rest"].strip() if found else ""
+
+
+def added(words: str) -> str:
+    """What is to be treated as the last thing was: "the can" of "and the can too"; else ""."""
+    text = words.strip().rstrip(".! ")
+    found = (re.fullmatch(pattern, text, re.IGNORECASE | re.DOTALL) for pattern in _ADDED)
+    return next((match["rest"].strip() for match in found if match), "")

@@ -15,7 +15,12 @@ _TAIL = (
     r"(?:\s+(?:on|in|at|auf|vor|there|da|dort|hier|here|do you|can you|are|is|siehst|gibt|liegen|stehen|now"
     r"|jetzt|right now|please|bitte|you|table|tisch|standing|lying|gerade|denn|eigentlich)\b.*)?$"
 )
-_NO_THING = {"you", "it", "there", "this", "that", "the", "der", "die", "das", "den", "one", "any", "some"}
+IT = "it"
+"""What was spoken of last, as the name of a question's thing."""
+_IT = {"it", "es", "sie", "er"}
+_OF_IT = ("where", "colour", "beside")
+_NO_THING = {"you", "me", "us", "mich", "uns", "yourself", "it", "there", "this", "that", "one", "any"}
+_NO_THING |= {"some", "the", "der", "die", "das", "den"}
 _ARTICLE = (
     r"(?:(?:an?|the|any|some|one|my|your|this|that|der|die|das|den|dem|eine?[nmrs]?|irgendeine?n?)\s+)?"
 )
@@ -28,7 +33,7 @@ class Question:
     Attributes:
         kind: Of what is seen: "scene", "where", "count", "exists", "colour", "is", "side" or "beside". Of
             memory: "did", "worked", "why" or "doing". Of the robot: "ability" or "robot".
-        name: Of the thing that it is about, as said; empty for all things.
+        name: Of the thing that it is about, as said, or `IT`; empty for all things.
         detail: What "is" it, on which "side", or how "beside" it (one of `commands.answer.RELATIONS`).
     """
 
@@ -70,6 +75,8 @@ _SCENE: tuple[tuple[str, str], ...] = (
     ),
     ("is", r"(?:is|ist)\s+(?P<name>(?:the|der|die|das)\s+.+?)\s+(?P<detail>[^\s]+)$"),
 )
+# Who asks this does not ask about the robot.
+_OF_A_THING = re.compile(rf"(?:where|wo)\s+{_BE}\s+(?:{'|'.join(_IT)}|the|der|die|das|my)\b")
 _MEMORY: tuple[tuple[str, str], ...] = (
     ("why", r"\b(?:why|warum|wieso|weshalb)\b|\bhow come\b"),
     ("doing", r"\bwhat are you doing\b|\bwas (?:machst|tust) du\b|\bare you (?:pushing|pulling|moving)\b"),
@@ -94,7 +101,7 @@ def read_question(kind: str, sentence: str) -> Question:
     if kind == "ability":
         return Question("ability")
     memory = (Question(name) for name, pattern in _MEMORY if re.search(pattern, text))
-    if kind == "robot":
+    if kind == "robot" and not _OF_A_THING.match(text):
         return next(memory, Question("robot"))
     for name, pattern in _SCENE:
         if found := re.fullmatch(pattern, text):
@@ -103,6 +110,8 @@ def read_question(kind: str, sentence: str) -> Question:
                 return Question("side", detail=_SIDES[groups["detail"]])
             detail = _RELATIONS.get(groups["detail"], groups["detail"])
             thing = singular(_bare(groups["name"])) if name == "count" else _bare(groups["name"])
+            if thing in _IT and name in _OF_IT:
+                return Question(name, IT, detail)
             if thing and thing not in _NO_THING:
                 return Question(name, "" if singular(thing) in ALL else thing, detail)
     # "Did it work?" may be taken for a question about the table.

@@ -16,7 +16,7 @@ from ..commands.replies import HOLDS, NOTHING_ASKED, TOO_LONG, ask_back, ask_whe
 from ..commands.verbs import opposite
 from .courtesies import courtesy
 from .fragments import how, which
-from .phrases import AGAIN, DONE, HOME, IMITATE, NO, OTHER_WAY, STOP, WATCH, YES, corrected, says
+from .phrases import AGAIN, DONE, HOME, IMITATE, NO, OTHER_WAY, STOP, WATCH, YES, added, corrected, says
 from .questions import read_question
 from .steps import (
     Ask,
@@ -88,7 +88,7 @@ def _reply_to(asked: Open, words: str, situation: Situation) -> Step | None:
             verb = same.verb if same and same.target in (_IT, action.target) else None
         return _checked(asked.completed(replace(action, verb=verb))) if verb else None
     understood = situation.understand(words)
-    target = _marked(words, action.target, understood, situation) if asked.kind == "which" else None
+    target = _marked(words, action.target, understood, situation)
     if target is None:
         said = _single(understood)
         if said is None or said.verb is not None or said.target in (Target(), _IT):
@@ -102,9 +102,9 @@ def _reply_to(asked: Open, words: str, situation: Situation) -> Step | None:
 def _correction(words: str, situation: Situation) -> Step | None:
     """The last command with another thing or another way; None for words that correct nothing.
 
-    "No, the mug" names another thing, "no, to the left" and "the other way" another way.
+    "No, the mug" and "and the mug too" name another thing, "no, to the left" and "the other way" another way.
     """
-    said, last = corrected(words) or words, situation.last
+    said, last = corrected(words) or added(words) or words, situation.last
     if last is None:
         return None
     before = last.actions[0]
