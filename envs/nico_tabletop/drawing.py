@@ -3,6 +3,7 @@
 
 import os
 import sys
+import threading
 import warnings
 
 _VARIABLE = "MUJOCO_GL"
@@ -25,6 +26,11 @@ except (AttributeError, ImportError, OSError, RuntimeError) as error:  # each dr
     else:
         os.environ[_VARIABLE] = _asked
 
+ONE_DRAWS = threading.RLock()
+"""Held by the thread that draws, or makes or frees what draws.
+
+Mesa's software renderer broke down after 22 minutes in which two threads did so at the same time (measured).
+"""
 SMALLEST_IMAGE, LARGEST_IMAGE = 16, 1920
 """Rows and columns of an image: less shows nothing, and MuJoCo's buffer (`assets/scene.xml`) has no more."""
 
@@ -53,7 +59,7 @@ def make_renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Rend
         DrawingError: If there is no GL context to be had.
     """
     try:
-        with warnings.catch_warnings():
+        with ONE_DRAWS, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # GLFW warns of what then fails
             return mujoco.Renderer(model, height, width)
     except Exception as error:  # each drawing library raises its own

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .camera_effects import add_camera_effects
 from .distractors import Distractor
-from .drawing import make_renderer
+from .drawing import ONE_DRAWS, make_renderer
 from .drawn_head import DrawnHead
 from .look import Look
 from .objects import TabletopObject, visible_surface
@@ -174,7 +174,8 @@ class TabletopSimulation:
         # The eyes' image shows no turned head and none of its shadow: it stays as the policies know it.
         if camera != EYES and self.head_deg.any():
             self._drawn_head.turn(renderer.scene, self.data, self.head_deg)
-        image = renderer.render()
+        with ONE_DRAWS:
+            image = renderer.render()
         if camera != EYES:
             return image
         return add_camera_effects(image, self.conditions, round(self.data.time * CONTROL_HZ))
@@ -188,7 +189,8 @@ class TabletopSimulation:
             Shape (3, 4): x0, y0, x1, y1 as in `object_boxes`; all -1 for an object of which nothing is seen.
         """
         bodies = [self.model.body(name).id for name in self.arrangement]
-        return segmented_boxes(self._renderer(height, width), self.data, camera, bodies)
+        with ONE_DRAWS:
+            return segmented_boxes(self._renderer(height, width), self.data, camera, bodies)
 
     def object_boxes(self, aspect: float) -> NDArray[np.float64]:
         """Ground truth: the boxes of the three objects in the eye camera's image.
@@ -220,6 +222,7 @@ class TabletopSimulation:
 
     def close(self) -> None:
         """Free the GL contexts."""
-        for renderer in self._renderers.values():
-            renderer.close()
+        with ONE_DRAWS:
+            for renderer in self._renderers.values():
+                renderer.close()
         self._renderers.clear()

@@ -74,8 +74,7 @@ def make_visitors(
     Raises:
         ValueError, OSError: If the policy cannot be had.
     """
-    # Each visitor's robot computes and draws in its own thread; more threads of each would wait for a core.
-    os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa's software renderer
+    # Each visitor's robot computes in its own thread; more threads of each would wait for a core.
     torch.set_num_threads(max(1, torch.get_num_threads() // most))
     make_policy = policy_maker(taught)
 
