@@ -15,6 +15,7 @@ from lerobot_owlxt5.commands.replies import HOLDS
 from lerobot_owlxt5.conversation.conversation import ONCE_MORE
 from lerobot_owlxt5.conversation.expressions import Expressions
 from lerobot_owlxt5.conversation.lines import MOST_LINES
+from lerobot_owlxt5.conversation.phrases import added
 from lerobot_owlxt5.conversation.questions import Question, read_question
 from lerobot_owlxt5.conversation.rules import plan_by_rules
 from lerobot_owlxt5.conversation.showing import WATCHING
@@ -242,3 +243,22 @@ def test_few_words_are_enough(words: str, asked: str | None, step: object) -> No
 )
 def test_which_question_it_is(words: str, question: Question) -> None:
     assert read_question("scene", words) == question
+
+
+@pytest.mark.parametrize(
+    ("words", "rest"),
+    [
+        ("and the can too", "the can"),
+        ("the left one as well.", "the left one"),
+        ("auch den Ball", "den Ball"),
+        ("do the same with the can", "the can"),
+        # A question, or the rest of one.
+        ("the can too?", ""),
+        ("and the can", ""),
+        # These say what to do themselves.
+        ("push the can too", ""),
+        ("don't push the can too", ""),
+    ],
+)
+def test_what_is_to_be_done_with_another_thing_too(words: str, rest: str) -> None:
+    assert added(words) == rest

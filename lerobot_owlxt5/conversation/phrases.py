@@ -53,12 +53,12 @@ _NO = rf"(?:(?:no|nope|nein|sorry|ach|oh|wait|warte)(?:\s*[,.!;:]\s*|\s+(?=(?:{_
 _MEANT = r"(?:(?:i|ich)\s+(?:meant?|meine?|meinte)\b[\s,:]*)"
 _CORRECTION = re.compile(rf"(?:{_NO}+{_MEANT}?|{_MEANT})(?P<rest>.+)", re.IGNORECASE | re.DOTALL)
 
-# "And the mug too" and "the same with the mug" say to do with it what was done last.
+# "And the mug too" and "the same with the mug" say to do with it what was done last. "And the mug" alone may
+# go on with a question.
 _ARTICLE = r"(?:the|die|der|das|den|my|meine?n?)"
 _ADDED = (
-    rf"(?:and|also|now|then|next|und|auch|jetzt|dann)\s+(?:also\s+|auch\s+)?(?P<rest>{_ARTICLE}\s.+?)"
-    r"(?:\s+(?:too|also|as well|auch))?",
-    rf"(?P<rest>{_ARTICLE}\s.+?)\s+(?:too|also|as well|auch)",
+    rf"(?:(?:and|now|then|next|und|jetzt|dann)\s+)?(?P<rest>{_ARTICLE}\s.+?)\s+(?:too|also|as well|auch)",
+    rf"(?:(?:and|und)\s+)?(?:also|auch)\s+(?P<rest>{_ARTICLE}\s.+)",
     r"(?:(?:please\s+)?(?:do|mach|tu)\s+)?(?:the|das)\s+(?:same|gleiche|selbe)\s+(?:thing\s+)?"
     r"(?:with|to|for|mit)\s+(?P<rest>.+)",
 )
@@ -81,5 +81,7 @@ def corrected(words: str) -> str:
 def added(words: str) -> str:
     """What is to be treated as the last thing was: "the can" of "and the can too"; else ""."""
     text = words.strip().rstrip(".! ")
+    if text.endswith("?"):
+        return ""
     found = (re.fullmatch(pattern, text, re.IGNORECASE | re.DOTALL) for pattern in _ADDED)
     return next((match["rest"].strip() for match in found if match), "")
