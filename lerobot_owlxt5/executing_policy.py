@@ -21,8 +21,8 @@ from .execution import Execution, Next, carry_out
 from .listener import Listener
 from .look_again import Memory
 from .model.crossmodal_model import CrossmodalModel
-from .scene import Scene, Search
-from .sighting import Moved, Sight, Sighting
+from .scene import Moved, Scene, Search
+from .sighting import Sight, Sighting
 from .text_query import Query, answer
 from .validation import check_state, read_tasks
 from .visual_encoder import VisualEncoder

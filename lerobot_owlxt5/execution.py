@@ -13,7 +13,7 @@ from .commands.instruction import Instruction
 from .commands.replies import MOVEMENT_OVER
 from .commands.verbs import VERBS
 from .look_again import Memory
-from .scene import Thing
+from .scene import Moved
 from .way_home import APPROACH_STEPS, straight, way_back, way_out
 
 BLEND_STEPS = 8
@@ -63,7 +63,7 @@ class Execution:
     memory: Memory | None = None
     step: int = 0
     change: Change | None = None
-    moved: tuple[Thing, ...] = ()
+    moved: Moved = ()
 
     @property
     def waits(self) -> bool:

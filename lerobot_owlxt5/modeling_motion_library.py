@@ -22,8 +22,8 @@ from .data.start_pose import start_tolerance
 from .executing_policy import ExecutingPolicy
 from .motion_library import MotionLibrary
 from .object_point import ObjectPoint
-from .scene import Search
-from .sighting import Moved, Sighting
+from .scene import Moved, Search
+from .sighting import Sighting
 
 if TYPE_CHECKING:
     from lerobot.datasets import LeRobotDatasetMetadata

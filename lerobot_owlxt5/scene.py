@@ -48,6 +48,10 @@ class Thing:
         return are_apart(self.place, other.place)
 
 
+Moved = tuple[Thing, ...]
+"""What a robot has moved, each thing where it was seen then."""
+
+
 @dataclass(frozen=True)
 class Found:
     """The thing that is meant, or why there is none.
@@ -97,7 +101,7 @@ class Scene:
         moved: What the robot has moved, each thing where it saw it then. What stands there keeps its name.
     """
 
-    moved: tuple[Thing, ...] = ()
+    moved: Moved = ()
 
     def __init__(
         self,

@@ -11,11 +11,8 @@ from .commands.happened import Change
 from .commands.replies import NO_OBJECTS_SEEN
 from .listener import Listener
 from .look_again import Memory, changed, displaced, find_again, remember
-from .scene import Scene, Search, Thing
+from .scene import Moved, Scene, Search, Thing
 from .visual_encoder import ObjectFinder, VisualEncoder
-
-Moved = tuple[Thing, ...]
-"""What a robot has moved, see `Scene.moved`."""
 
 
 @dataclass(frozen=True)
