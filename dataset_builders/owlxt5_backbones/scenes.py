@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from builder_tools.workers import draw_in_one_thread
-from nico_tabletop.drawing import make_renderer
+from nico_tabletop.drawing import Renderer
 from nico_tabletop.placement import Pose
 from nico_tabletop.robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
 from nico_tabletop.scene import build_model, parking_place, resting_place
@@ -59,7 +59,7 @@ class RandomScenes:
         self._lights = self._model.light_pos.copy(), self._model.light_dir.copy()
         self._paint_textures()
         draw_in_one_thread()
-        self._renderer = make_renderer(self._model, HEIGHT, WIDTH)
+        self._renderer = Renderer(self._model)
 
     def images(self) -> Iterator[dict[str, Any]]:
         """Images and what they show.
@@ -85,7 +85,7 @@ class RandomScenes:
             }
 
     def close(self) -> None:
-        """Free the GL context."""
+        """Free what draws it."""
         self._renderer.close()
 
     def _robot_geoms(self) -> NDArray[np.int64]:
@@ -170,12 +170,12 @@ class RandomScenes:
         return places
 
     def _render(self) -> NDArray[np.uint8]:
-        self._renderer.update_scene(self._data, EYES)
-        return self._renderer.render()
+        self._renderer.update(self._data, EYES)
+        return self._renderer.draw(HEIGHT, WIDTH)
 
     def _boxes(self, shown: Sequence[int]) -> list[tuple[Instance, list[float]]]:
         bodies = [self._bodies[index] for index in shown]
-        boxes = segmented_boxes(self._renderer, self._data, EYES, bodies, _FEWEST_PIXELS)
+        boxes = segmented_boxes(self._renderer, self._data, EYES, (HEIGHT, WIDTH), bodies, _FEWEST_PIXELS)
         return [
             (self.instances[index], box.round(4).tolist())
             for index, box in zip(shown, boxes, strict=True)

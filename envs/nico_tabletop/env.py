@@ -111,7 +111,7 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         variation: Variation | None = None,
         episode_length: int = EPISODE_STEPS,
     ) -> None:
-        """Make the environment; the GL context comes with the first image.
+        """Make the environment; what draws it is made with the first image.
 
         Args:
             action: CLANT's name of the action, such as `PUSH-L`.
@@ -322,5 +322,5 @@ class TabletopEnv(gym.Env[dict[str, Any], NDArray[np.float32]]):
         return np.asarray(image)
 
     def close(self) -> None:
-        """Free the GL contexts."""
+        """Free what draws the world."""
         self.simulation.close()

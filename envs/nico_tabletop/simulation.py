@@ -2,6 +2,7 @@
 """The running world: NICO's servos, three objects on the table, and what the cameras see."""
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .camera_effects import add_camera_effects
 from .distractors import Distractor
-from .drawing import ONE_DRAWS, make_renderer
+from .drawing import Renderer
 from .drawn_head import DrawnHead
 from .look import Look
 from .objects import TabletopObject, visible_surface
@@ -59,7 +60,6 @@ class TabletopSimulation:
         self._joints = np.array([self.model.joint(name).qposadr[0] for name in JOINT_NAMES])
         self._substeps = round(1 / (CONTROL_HZ * self.model.opt.timestep))
         self._target = _within_limits(INITIAL_POSE_DEG)
-        self._renderers: dict[tuple[int, int], mujoco.Renderer] = {}
 
     def reset(
         self,
@@ -156,12 +156,10 @@ class TabletopSimulation:
         (x, y, _), turned = body.xpos, body.xmat
         return Pose(float(x), float(y), float(np.rad2deg(np.arctan2(turned[3], turned[0]))))
 
-    def _renderer(self, height: int, width: int) -> mujoco.Renderer:
-        # The GL context is made on first use, inside the process that renders.
-        renderer = self._renderers.get((height, width))
-        if renderer is None:
-            renderer = self._renderers[height, width] = make_renderer(self.model, height, width)
-        return renderer
+    @cached_property
+    def _renderer(self) -> Renderer:
+        """Made by the process that draws, as a GL context does not survive a fork."""
+        return Renderer(self.model)
 
     def render(self, camera: str, height: int, width: int) -> NDArray[np.uint8]:
         """Image of a camera, shape (height, width, 3), RGB; the eyes' with blur, noise and compression.
@@ -169,13 +167,12 @@ class TabletopSimulation:
         Raises:
             DrawingError: If MuJoCo cannot draw on this machine.
         """
-        renderer = self._renderer(height, width)
-        renderer.update_scene(self.data, camera)
+        renderer = self._renderer
+        renderer.update(self.data, camera)
         # The eyes' image shows no turned head and none of its shadow: it stays as the policies know it.
         if camera != EYES and self.head_deg.any():
             self._drawn_head.turn(renderer.scene, self.data, self.head_deg)
-        with ONE_DRAWS:
-            image = renderer.render()
+        image = renderer.draw(height, width)
         if camera != EYES:
             return image
         return add_camera_effects(image, self.conditions, round(self.data.time * CONTROL_HZ))
@@ -189,8 +186,7 @@ class TabletopSimulation:
             Shape (3, 4): x0, y0, x1, y1 as in `object_boxes`; all -1 for an object of which nothing is seen.
         """
         bodies = [self.model.body(name).id for name in self.arrangement]
-        with ONE_DRAWS:
-            return segmented_boxes(self._renderer(height, width), self.data, camera, bodies)
+        return segmented_boxes(self._renderer, self.data, camera, (height, width), bodies)
 
     def object_boxes(self, aspect: float) -> NDArray[np.float64]:
         """Ground truth: the boxes of the three objects in the eye camera's image.
@@ -221,8 +217,7 @@ class TabletopSimulation:
         return boxes
 
     def close(self) -> None:
-        """Free the GL contexts."""
-        with ONE_DRAWS:
-            for renderer in self._renderers.values():
-                renderer.close()
-        self._renderers.clear()
+        """Free what draws it; another image makes it anew."""
+        if "_renderer" in self.__dict__:
+            self._renderer.close()
+            del self._renderer

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One simulated robot with somebody to talk to it, and what a page shows of both.
-
-A world belongs to the thread that makes it: so do the GL contexts that draw it.
-"""
+"""One simulated robot with somebody to talk to it, and what a page shows of both."""
 
 import io
 from collections.abc import Callable
