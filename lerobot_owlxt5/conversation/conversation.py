@@ -88,6 +88,7 @@ class Conversation:
         self._open: Open | None = None
         self._last: Request | None = None
         self._task: str | None = None
+        self._moving: torch.Tensor | None = None
         self._response = ""
         self._reported: Execution | None = None
         self._tried_again = False
@@ -169,8 +170,14 @@ class Conversation:
                 self._body.look()
             return
         if self._policy.looks([self._task])[0] or not self._body.has_looked:
+            if self._moving is not None:
+                # A look takes longer than a control period, so the arms come to rest before.
+                self._body.act(self._moving)
+                self._moving = None
+                return
             self._body.look()
-        self._body.act(self._policy.select_action(self._body.batch(self._task)))
+        self._moving = self._policy.select_action(self._body.batch(self._task))
+        self._body.act(self._moving)
         self._hear_policy()
         if self._policy.is_done[0]:
             self._finish()
@@ -229,6 +236,7 @@ class Conversation:
         self._showing.stop()
         self._point = None
         self._task, self._response, self._reported = task, "", None
+        self._moving = None
         self._memory.still = ""
 
     def _halt(self) -> bool:

@@ -30,7 +30,7 @@ WATCH, DONE = "watch me", "done"
 """What somebody says who shows a movement."""
 
 _JPEG_QUALITY = 85
-_STILL = 1e-4  # joints in radians, things in metres and a head in degrees look the same if they moved by less
+_STILL = 1e-3  # radians, metres or degrees of the head: what moved less is a pixel away at most
 
 
 @dataclass(frozen=True)
