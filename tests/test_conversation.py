@@ -176,6 +176,7 @@ OPEN = {
     "which": Open("which", Request((CUBE,))),
     "how": Open("how", Request((Action(None, Target("mug")),))),
     "what": Open("what", Request((Action("pull", Target()),))),
+    "stopped": Open("stopped", Request((MUG,))),
 }
 
 
@@ -215,6 +216,8 @@ def test_no_rule_moves_what_is_held_back(reason: str, asked: str | None) -> None
         ("pull it", "how", Do(Request((Action("pull", Target("mug")),)))),
         ("to the left, please", "how", Do(Request((Action("slide-to-left", Target("mug")),)))),
         ("no, the mug", None, Do(Request((MUG,)))),
+        ("OK, carry on", "stopped", Do(Request((MUG,)))),
+        ("mach weiter, bitte", "stopped", Do(Request((MUG,)))),
         ("Nochmal bitte", None, Do(Request((CUBE,)))),
         ("Stopp!", None, Stop()),
         ("geh nach Hause", None, GoHome()),

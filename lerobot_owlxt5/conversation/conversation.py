@@ -184,7 +184,9 @@ class Conversation:
 
     def stop(self) -> None:
         """Hold still at once, where the arms are."""
+        unfinished = self._unfinished()
         was_busy = self._halt()
+        self._open = Open("stopped", unfinished) if unfinished else None
         self._memory.still = TOLD_TO_STOP
         self._say(STOPPED if was_busy else HOLDS["forbidden"])
 
@@ -252,6 +254,18 @@ class Conversation:
         self._policy.drop_queued_actions()
         self._body.hold()
         return True
+
+    def _unfinished(self) -> Request | None:
+        """What is left of the request that is being carried out; None if none is."""
+        execution = next(iter(self._policy.executions), None)
+        if self._task in (None, HOME):
+            return None
+        if execution is None or execution.task != self._task:  # it has not begun
+            return self._last
+        verb, target = execution.instruction.verb, execution.spoken_of
+        if verb is None or target is None:
+            return None
+        return Request((Action(verb, target), *execution.instruction.later))
 
     def _hear_policy(self) -> None:
         """Pass on what the policy says, and note what it means."""

@@ -16,7 +16,21 @@ from ..commands.replies import HOLDS, NOTHING_ASKED, TOO_LONG, ask_back, ask_whe
 from ..commands.verbs import opposite
 from .courtesies import courtesy
 from .fragments import how, which
-from .phrases import AGAIN, DONE, HOME, IMITATE, NO, OTHER_WAY, STOP, WATCH, YES, added, corrected, says
+from .phrases import (
+    AGAIN,
+    CARRY_ON,
+    DONE,
+    HOME,
+    IMITATE,
+    NO,
+    OTHER_WAY,
+    STOP,
+    WATCH,
+    YES,
+    added,
+    corrected,
+    says,
+)
 from .questions import read_question
 from .steps import (
     Ask,
@@ -74,7 +88,9 @@ def plan_by_phrases(words: str, situation: Situation) -> Step | None:
 
 
 def _reply_to(asked: Open, words: str, situation: Situation) -> Step | None:
-    """What an answer to the robot's own question leads to; None if the words are none."""
+    """What an answer to what waits for one leads to; None if the words are none."""
+    if asked.kind == "stopped":
+        return Do(asked.request) if says(words, CARRY_ON) else None
     if says(words, NO):
         return Say(HOLDS["forbidden"])
     action = asked.action

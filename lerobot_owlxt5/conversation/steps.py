@@ -114,10 +114,11 @@ Step = Say | Ask | Do | Stop | GoHome | Watch | Describe | Imitate | Teach | For
 
 @dataclass(frozen=True)
 class Open:
-    """A question of the robot's that waits for an answer.
+    """What waits for an answer: a question of the robot's, or a movement that was stopped.
 
     Attributes:
-        kind: "whether" to do it, "which" thing or "what" is meant, or "how" to move it.
+        kind: "whether" to do it, "which" thing or "what" is meant, "how" to move it, or whether to carry it
+            on once it was "stopped".
         request: What was asked for; its first action is the one that is not clear.
     """
 
