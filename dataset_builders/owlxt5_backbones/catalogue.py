@@ -461,7 +461,7 @@ def _apple(new: InstanceBuilder) -> None:
 def _orange(new: InstanceBuilder) -> None:
     radius = new.uniform(0.02, 0.028)
     new.turn(_ball(radius), new.shade((0.96, 0.52, 0.06)))
-    new.add(Ellipsoid((0.003, 0.003, 0.0012)), new.shade((0.25, 0.4, 0.1)), (0, 0, radius * 2))
+    _fruit_stem(new, radius * 2, 1.0)  # without a leaf it would be an orange ball
 
 
 def _pear(new: InstanceBuilder) -> None:

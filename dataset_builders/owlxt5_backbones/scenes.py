@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from builder_tools.workers import draw_in_one_thread
 from nico_tabletop.drawing import Renderer
+from nico_tabletop.objects import visible_surface
 from nico_tabletop.placement import Pose
 from nico_tabletop.robot import EYES, INITIAL_POSE_DEG, JOINT_NAMES, joint_limits_deg
-from nico_tabletop.scene import build_model, parking_place, resting_place
+from nico_tabletop.scene import TABLE_HEIGHT, build_model, parking_place, resting_place
 from nico_tabletop.segmentation import segmented_boxes
 
 from .catalogue import CATEGORIES, Instance, draw_instance
@@ -30,6 +31,8 @@ _TRIES = 200
 # Of an object of which less is seen nobody can say what it is.
 _FEWEST_PIXELS = 40
 _TWINS = 0.4
+# What is taller than broad, so many times, may have fallen over; a share of it has.
+_TALL, _FALLEN = 1.3, 0.15
 _ROBOT_HIDDEN, _ARMS_ELSEWHERE = 0.15, 0.4
 _PLAIN_TABLE = 0.15
 _CAMERA_SHIFT, _CAMERA_TURN, _ZOOM = 0.012, 2.0, 2.5  # metres and degrees, standard deviations
@@ -52,6 +55,8 @@ class RandomScenes:
         self._model = build_model(tuple(instance.item for instance in self.instances))
         self._data = mujoco.MjData(self._model)
         self._bodies = [self._model.body(instance.item.name).id for instance in self.instances]
+        extents = [np.ptp(visible_surface(self._model, each.item.name), axis=0) for each in self.instances]
+        self._is_tall = [height > _TALL * max(broad) for *broad, height in extents]
         self._joints = [self._model.joint(name).qposadr[0] for name in JOINT_NAMES]
         self._robot = self._robot_geoms()
         camera = self._model.camera(EYES)
@@ -156,8 +161,18 @@ class RandomScenes:
         for index, instance in enumerate(self.instances):
             self._data.joint(instance.item.name).qpos[:] = parking_place(index)
         for index, pose in zip(chosen, places, strict=False):
-            self._data.joint(self.instances[index].item.name).qpos[:] = resting_place(pose)
+            name = self.instances[index].item.name
+            fallen = self._is_tall[index] and rng.random() < _FALLEN
+            self._data.joint(name).qpos[:] = self._lying_place(name, pose) if fallen else resting_place(pose)
         return chosen[: len(places)]
+
+    def _lying_place(self, name: str, pose: Pose) -> tuple[float, ...]:
+        """As `resting_place`, of an object that has fallen over."""
+        quaternion, turned = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0]), np.empty(9)
+        mujoco.mju_mulQuat(quaternion, np.array(resting_place(pose)[3:]), quaternion.copy())
+        mujoco.mju_quat2Mat(turned, quaternion)
+        lowest = (visible_surface(self._model, name) @ turned.reshape(3, 3).T)[:, 2].min()
+        return pose.x, pose.y, TABLE_HEIGHT - lowest, *quaternion.tolist()
 
     def _draw_places(self, count: int) -> list[Pose]:
         rng, places = self._rng, list[Pose]()
