@@ -69,7 +69,8 @@ class ObjectPoint:
         nothing = batch[OBS_STATE].new_zeros(BOX_NUMBERS)
         box = torch.stack([thing.box if thing else nothing for thing in things])[:, None]
         score = torch.tensor([[float(thing is not None)] for thing in things]).to(box)
-        return self._input(Detections(box, score)).features
+        nearer = torch.stack([torch.zeros_like(score), 2 * self._config.aim_nearer * score], dim=-1)
+        return self._input(Detections(box, score)).features + nearer
 
     def encode(self, batch: Mapping[str, Any], names: Sequence[str]) -> VisualInput:
         """See `VisualEncoder`; of several steps the first counts."""

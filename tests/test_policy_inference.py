@@ -20,6 +20,8 @@ from lerobot_owlxt5.commands.replies import GOING_HOME, NOTHING_KNOWN, NOTHING_M
 from lerobot_owlxt5.data.normalization import share_joint_range
 from lerobot_owlxt5.data.start_pose import NEAR, start_tolerance
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
+from lerobot_owlxt5.object_point import ObjectPoint
+from lerobot_owlxt5.scene import Thing
 from lerobot_owlxt5.way_home import FASTEST
 from policy_helpers import (
     ENDS,
@@ -303,9 +305,19 @@ def test_the_point_of_an_object_is_the_middle_of_its_box_or_its_foot(
     )
 
 
+def test_the_robot_aims_nearer_than_it_sees_the_foot(t5: Path) -> None:
+    batch, thing = observe(["push red", "push red"]), Thing("red cube", torch.tensor([0.2, 0.3, 0.4, 0.8]))
+    visual = make_policy(t5, object_point="foot", aim_nearer=0.05).visual
+    assert isinstance(visual, ObjectPoint)
+    features = visual.features(batch, [thing, None])
+    assert torch.allclose(features, torch.tensor([[[-0.4, 0.7]], [[0.0, 0.0]]]))
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        ({"aim_nearer": 0.1}, "--policy.aim_nearer=0.1 belongs to --policy.object_point=foot"),
+        ({"object_point": "foot", "aim_nearer": -0.1}, "from 0 to 1"),
         ({"object_point": "top"}, "--policy.object_point is centre or foot, not 'top'"),
         ({"nadir": 1.1}, "--policy.nadir=1.1 belongs to --policy.object_point=foot"),
         ({"object_point": "foot", "nadir": 0.9}, "at more than 1"),

@@ -101,7 +101,7 @@ class Renderer:
             _unused.put(self._context)
             self._context = None
 
-    __del__ = close  # freed by another thread, it would take what is another context's
+    __del__ = close  # else any thread might free it, and with it what belongs to another GL context
 
 
 _MOST_GEOMS = 10_000  # of a scene, as in `mujoco.Renderer`
