@@ -17,9 +17,10 @@ from lerobot_owlxt5.conversation.expressions import Expressions
 from lerobot_owlxt5.conversation.lines import MOST_LINES
 from lerobot_owlxt5.conversation.phrases import added
 from lerobot_owlxt5.conversation.questions import Question, read_question
+from lerobot_owlxt5.conversation.phrases import corrected
 from lerobot_owlxt5.conversation.rules import plan_by_rules
 from lerobot_owlxt5.conversation.showing import WATCHING
-from lerobot_owlxt5.conversation.steps import Do, GoHome, Open, Say, Situation, Stop
+from lerobot_owlxt5.conversation.steps import Do, GoHome, Open, Remark, Say, Situation, Stop
 from lerobot_owlxt5.scene import Thing
 from nico_tabletop.config_nico_sim import NicoSimConfig
 from stage import Play, Scene, Stage, Turn, Watched, make_stage, read_play
@@ -216,9 +217,11 @@ def test_no_rule_moves_what_is_held_back(reason: str, asked: str | None) -> None
         ("pull it", "how", Do(Request((Action("pull", Target("mug")),)))),
         ("to the left, please", "how", Do(Request((Action("slide-to-left", Target("mug")),)))),
         ("no, the mug", None, Do(Request((MUG,)))),
+        ("thanks, you're sweet", None, Remark("You are welcome.")),
         ("OK, carry on", "stopped", Do(Request((MUG,)))),
         ("mach weiter, bitte", "stopped", Do(Request((MUG,)))),
         ("Nochmal bitte", None, Do(Request((CUBE,)))),
+        ("and now undo that", None, Do(Request((Action("pull", Target(reference="it")),)))),
         ("Stopp!", None, Stop()),
         ("geh nach Hause", None, GoHome()),
     ],
@@ -232,6 +235,22 @@ def test_few_words_are_enough(words: str, asked: str | None, step: object) -> No
 
 
 @pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        ("hmm, not the bottle, the can", "the can"),
+        ("nicht die Flasche, sondern die Dose", "die Dose"),
+        ("not the bottle but the can", "the can"),
+        ("no, the mug", "the mug"),
+        ("not the bottle", ""),
+        ("do not push the mug, please", ""),
+        ("no mug", ""),
+    ],
+)
+def test_what_is_meant_in_place_of_what_was_said(words: str, meant: str) -> None:
+    assert corrected(words) == meant
+
+
+@pytest.mark.parametrize(
     ("words", "question"),
     [
         ("Could you tell me where the wine bottle is, please?", Question("where", "wine bottle")),
@@ -242,6 +261,13 @@ def test_few_words_are_enough(words: str, asked: str | None, step: object) -> No
         ("Ist die Tasse blau?", Question("is", "tasse", "blau")),
         ("what stands in front of the can?", Question("beside", "can", "before")),
         ("was liegt rechts?", Question("side", detail="right")),
+        ("is the mug to the left of the can?", Question("related", "mug", "left of", "can")),
+        ("Steht die Tasse neben der Dose?", Question("related", "tasse", "next to", "dose")),
+        ("is the can on the left?", Question("is", "can", "left")),
+        ("Steht die Tasse rechts?", Question("is", "tasse", "right")),
+        ("are you sure that worked?", Question("worked")),
+        ("is it red?", Question("is", "it", "red")),
+        ("What have you got there?", Question("scene")),
     ],
 )
 def test_which_question_it_is(words: str, question: Question) -> None:

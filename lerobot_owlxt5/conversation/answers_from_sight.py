@@ -50,6 +50,8 @@ def answer(question: Question, scene: Scene) -> Answer:
         return _beside(question.detail, found, english, scene)
     if question.kind == "colour":
         return _colour(found, english, scene)
+    if question.kind == "related":
+        return _related(question, found, scene)
     if question.kind == "is":
         return _is(question, found, english, scene)
     if len(found) > 1:
@@ -145,6 +147,35 @@ def _beside(relation: str, found: list[Thing], english: str, scene: Scene) -> An
     return Answer(f"{place[:1].upper()}{place[1:]} I see {what}.", _only(there))
 
 
+def _is_on_side(side: str, found: list[Thing], english: str, scene: Scene) -> Answer:
+    if len(found) > 1:
+        return Answer(f"I see {_number(len(found))} {plural(english)}, {_places(found)}.")
+    things = [found[0], *(thing for thing in scene.things if thing.apart_from(found[0]))]
+    if side in _DISTANCES:
+        fits = 0 in matching(Target(side=side), [thing.place for thing in things], [], None)
+    else:
+        fits = side_of(found[0].place) == side
+    said = (_DISTANCES | SIDES_IN_WORDS)[side] if fits else where(found[0], scene)
+    return Answer(f"{'Yes' if fits else 'No'}, the {english} is {said}.", found[0])
+
+
+def _related(question: Question, found: list[Thing], scene: Scene) -> Answer:
+    others = _called(question.other, scene)
+    if not others:
+        return Answer(f"I cannot see {with_article(object_name(question.other))}. {scene.report()}")
+    for things in found, others:
+        if len(things) > 1:
+            return Answer(f"I see {_number(len(things))} {plural(things[0].name)}: name one of them.")
+    [thing], [mark] = found, others
+    things = [other for other in scene.things if other.apart_from(mark) and other.apart_from(thing)]
+    target = Target(relation=Relation(question.detail, (Landmark(mark.name),)))
+    if 0 in matching(target, [each.place for each in (thing, *things)], [mark.place], None):
+        to_the = "to the " if question.detail in ("left of", "right of") else ""
+        there = f"{to_the}{RELATIONS_IN_WORDS[question.detail]} the {mark.name}"
+        return Answer(f"Yes, the {thing.name} is {there}.", thing)
+    return Answer(f"No, the {thing.name} is {where(thing, scene)}.", thing)
+
+
 def _colour(found: list[Thing], english: str, scene: Scene) -> Answer:
     colours = [scene.colour_of(thing) for thing in found]
     if len(found) == 1:
@@ -158,6 +189,8 @@ def _colour(found: list[Thing], english: str, scene: Scene) -> Answer:
 
 
 def _is(question: Question, found: list[Thing], english: str, scene: Scene) -> Answer:
+    if question.detail in _DISTANCES | SIDES_IN_WORDS:
+        return _is_on_side(question.detail, found, english, scene)
     wanted = colour_said(question.detail)
     if wanted is None:
         return Answer(f"I cannot tell. {scene.report()}")

@@ -10,6 +10,7 @@ import re
 from ..commands.answer import said_words
 
 _POLITE = {"please", "bitte", "now", "jetzt", "nico", "robot", "roboter", "mal", "oh", "ok", "okay", "hey"}
+_POLITE |= {"and", "und", "then", "dann", "hmm", "hm", "well", "na"}
 
 STOP = {"stop", "stopp", "halt", "stop it", "stop that", "stop moving", "stop at once", "halt an", "anhalten"}
 STOP |= {"hör auf", "freeze", "hold still", "halt still", "stay still", "wait", "warte", "sofort anhalten"}
@@ -51,9 +52,11 @@ OTHER_WAY |= {"in die andere richtung", "undo that", "undo it", "undo", "rückg�
 
 # "No, the mug" and "no the mug" correct, "no mug" does not.
 _AFTER_NO = "the|die|der|das|den|i|ich|to|nach|wait|warte"
-_NO = rf"(?:(?:no|nope|nein|sorry|ach|oh|wait|warte)(?:\s*[,.!;:]\s*|\s+(?=(?:{_AFTER_NO})\b)))"
+_NO = rf"(?:(?:no|nope|nein|sorry|ach|oh|hmm?|well|na|wait|warte)(?:\s*[,.!;:]\s*|\s+(?=(?:{_AFTER_NO})\b)))"
 _MEANT = r"(?:(?:i|ich)\s+(?:meant?|meine?|meinte)\b[\s,:]*)"
-_CORRECTION = re.compile(rf"(?:{_NO}+{_MEANT}?|{_MEANT})(?P<rest>.+)", re.IGNORECASE | re.DOTALL)
+# "Not the can, the mug" too.
+_NOT = r"(?:(?:not|nicht)\s+[^,]+?\s*(?:,(?:\s*but)?|,?\s*\bsondern|\s+but)\s*)"
+_CORRECTION = re.compile(rf"(?:{_NO}+{_MEANT}?|{_MEANT}|{_NO}*{_NOT})(?P<rest>.+)", re.IGNORECASE | re.DOTALL)
 
 # "And the mug too" and "the same with the mug" say to do with it what was done last. "And the mug" alone may
 # go on with a question.

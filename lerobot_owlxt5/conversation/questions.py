@@ -18,7 +18,7 @@ _TAIL = (
 IT = "it"
 """What was spoken of last, as the name of a question's thing."""
 _IT = {"it", "es", "sie", "er"}
-_OF_IT = ("where", "colour", "beside")
+_OF_IT = ("where", "colour", "beside", "is", "related")
 _NO_THING = {"you", "me", "us", "mich", "uns", "yourself", "it", "there", "this", "that", "one", "any"}
 _NO_THING |= {"some", "the", "der", "die", "das", "den"}
 _ARTICLE = (
@@ -31,15 +31,18 @@ class Question:
     """A question.
 
     Attributes:
-        kind: Of what is seen: "scene", "where", "count", "exists", "colour", "is", "side" or "beside". Of
-            memory: "did", "worked", "why" or "doing". Of the robot: "ability" or "robot".
+        kind: Of what is seen: "scene", "where", "count", "exists", "colour", "is", "related", "side" or
+            "beside". Of memory: "did", "worked", "why" or "doing". Of the robot: "ability" or "robot".
         name: Of the thing that it is about, as said, or `IT`; empty for all things.
-        detail: What "is" it, on which "side", or how "beside" it (one of `commands.answer.RELATIONS`).
+        detail: What "is" it, on which "side", or how "beside" it or "related" (one of
+            `commands.answer.RELATIONS`).
+        other: To what it is "related", as said.
     """
 
     kind: str
     name: str = ""
     detail: str = ""
+    other: str = ""
 
 
 _SIDES = {"left": "left", "right": "right", "middle": "middle", "center": "middle", "centre": "middle"}
@@ -52,6 +55,8 @@ _RELATIONS |= {"behind": "behind", "in front of": "before", "links von": "left o
 _RELATIONS |= {"links neben": "left of", "rechts neben": "right of", "neben": "next to", "hinter": "behind"}
 _COLOUR = r"(?:colou?r|farbe)"
 _NAME = r"(?P<name>.+?)"
+_DEFINITE = r"(?:the|der|die|das|den|dem)\s+.+?"
+_THE_ONE = rf"(?P<name>{_DEFINITE}|{'|'.join(sorted(_IT))})"
 _WHICH = r"(?:what|which|was|welche\w*)\b"
 _BE = r"(?:is|are|ist|sind|steht|liegt|stehen|liegen)"
 
@@ -70,19 +75,32 @@ _SCENE: tuple[tuple[str, str], ...] = (
         rf"(?:gibt es|gibt's|siehst du|kannst du)\s+(?:hier\s+|da\s+)?{_NAME}(?:\s+sehen)?{_TAIL}",
     ),
     (
+        "related",
+        rf"{_BE}\s+{_THE_ONE}\s+(?:to the\s+)?(?P<detail>{'|'.join(_RELATIONS)})\s+"
+        rf"(?P<other>{_DEFINITE}){_TAIL}",
+    ),
+    (
+        "is",
+        rf"{_BE}\s+{_THE_ONE}\s+(?:(?:on|to|in|at|auf|in der)\s+)?(?:(?:the|der|your|my|deiner|meiner)\s+)?"
+        rf"(?P<detail>{'|'.join(_SIDES)})(?:\s+(?:hand\s+)?side|\s+seite)?$",
+    ),
+    (
         "exists",
         rf"{_BE}\s+(?:there\s+|da\s+|hier\s+)?(?P<name>(?:an?|any|eine?n?)\s+.+?){_TAIL}",
     ),
-    ("is", r"(?:is|ist)\s+(?P<name>(?:the|der|die|das)\s+.+?)\s+(?P<detail>[^\s]+)$"),
+    ("is", rf"(?:is|ist)\s+{_THE_ONE}\s+(?P<detail>[^\s]+)$"),
 )
 # Who asks this does not ask about the robot.
-_OF_A_THING = re.compile(rf"(?:where|wo)\s+{_BE}\s+(?:{'|'.join(_IT)}|the|der|die|das|my)\b")
+_OF_A_THING = re.compile(rf"(?:(?:where|wo)\s+)?{_BE}\s+(?:{'|'.join(_IT)}|the|der|die|das|my)\b")
 _MEMORY: tuple[tuple[str, str], ...] = (
     ("why", r"\b(?:why|warum|wieso|weshalb)\b|\bhow come\b"),
     ("doing", r"\bwhat are you doing\b|\bwas (?:machst|tust) du\b|\bare you (?:pushing|pulling|moving)\b"),
-    ("did", r"\bwhat (?:did|have) you\b|\bwhat (?:just )?happened\b|\bwhat was that\b"),
+    ("did", r"\bwhat (?:did|have) you\b(?! got)|\bwhat (?:just )?happened\b|\bwhat was that\b"),
     ("did", r"\bwas hast du\b|\bwas ist passiert\b"),
-    ("worked", r"\b(?:did|has) (?:it|that|this) work|\bsuccess|\bgeklappt\b|\bfunktioniert\b|\bgelungen\b"),
+    (
+        "worked",
+        r"\b(?:did|has) (?:it|that|this) work|\b(?:it|that|this) worked\b|\bsuccess|\bgeklappt\b|\bfunktioniert\b|\bgelungen\b",
+    ),
     ("worked", r"\bdid you\b|\bhave you (?:pushed|pulled|moved|slid|managed)\b"),
     ("worked", r"\bhast du .*\b(?:geschoben|gezogen|geschafft|bewegt)\b"),
 )
@@ -101,21 +119,21 @@ def read_question(kind: str, sentence: str) -> Question:
     if kind == "ability":
         return Question("ability")
     memory = (Question(name) for name, pattern in _MEMORY if re.search(pattern, text))
-    if kind == "robot" and not _OF_A_THING.match(text):
-        return next(memory, Question("robot"))
-    for name, pattern in _SCENE:
+    robot = kind == "robot"
+    for name, pattern in () if robot and not _OF_A_THING.match(text) else _SCENE:
         if found := re.fullmatch(pattern, text):
-            groups = {"detail": ""} | found.groupdict()
+            groups = {"detail": "", "other": ""} | found.groupdict()
             if name == "side":
                 return Question("side", detail=_SIDES[groups["detail"]])
-            detail = _RELATIONS.get(groups["detail"], groups["detail"])
+            detail = (_RELATIONS | _SIDES).get(groups["detail"], groups["detail"])
             thing = singular(_bare(groups["name"])) if name == "count" else _bare(groups["name"])
+            other = _bare(groups["other"])
             if thing in _IT and name in _OF_IT:
-                return Question(name, IT, detail)
+                return Question(name, IT, detail, other)
             if thing and thing not in _NO_THING:
-                return Question(name, "" if singular(thing) in ALL else thing, detail)
+                return Question(name, "" if singular(thing) in ALL else thing, detail, other)
     # "Did it work?" may be taken for a question about the table.
-    return next(memory, Question("scene"))
+    return next(memory, Question("robot" if robot else "scene"))
 
 
 def _bare(phrase: str) -> str:

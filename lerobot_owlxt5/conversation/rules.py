@@ -5,6 +5,7 @@ A movement comes from a request that was understood, from a yes to it, or from w
 own question and nothing else. What the understanding holds back, no rule makes a movement of.
 """
 
+import re
 from dataclasses import replace
 
 from ..backbones.understanding import Understood
@@ -52,6 +53,7 @@ from .teaching import read_lesson
 NOTHING_TO_REPEAT = "I hold still, because there is nothing yet that I could do again."
 _TRANSLATE = "translate:"
 _IT = Target(reference="it")
+_FIRST_CLAUSE = re.compile(r"[,.!;:?]")
 
 
 def plan_by_rules(words: str, situation: Situation) -> Step:
@@ -170,6 +172,10 @@ def plan_new(words: str, understood: Understood, situation: Situation) -> Step:
     """What a sentence leads to that answers nothing and corrects nothing."""
     match understood.answer:
         case meant.Hold(reason):
+            if reason == "not_an_action" and (
+                said := courtesy(_FIRST_CLAUSE.split(words)[0], situation.seen)
+            ):
+                return Remark(said)
             question = read_question("scene", words) if reason in ("not_an_action", "beyond") else None
             return Ask(question) if question and question.kind != "scene" else Say(HOLDS[reason])
         case meant.Question(kind):
