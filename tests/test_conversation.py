@@ -15,9 +15,8 @@ from lerobot_owlxt5.commands.replies import HOLDS
 from lerobot_owlxt5.conversation.conversation import ONCE_MORE
 from lerobot_owlxt5.conversation.expressions import Expressions
 from lerobot_owlxt5.conversation.lines import MOST_LINES
-from lerobot_owlxt5.conversation.phrases import added
+from lerobot_owlxt5.conversation.phrases import added, corrected
 from lerobot_owlxt5.conversation.questions import Question, read_question
-from lerobot_owlxt5.conversation.phrases import corrected
 from lerobot_owlxt5.conversation.rules import plan_by_rules
 from lerobot_owlxt5.conversation.showing import WATCHING
 from lerobot_owlxt5.conversation.steps import Do, GoHome, Open, Remark, Say, Situation, Stop

@@ -55,8 +55,8 @@ _AFTER_NO = "the|die|der|das|den|i|ich|to|nach|wait|warte"
 _NO = rf"(?:(?:no|nope|nein|sorry|ach|oh|hmm?|well|na|wait|warte)(?:\s*[,.!;:]\s*|\s+(?=(?:{_AFTER_NO})\b)))"
 _MEANT = r"(?:(?:i|ich)\s+(?:meant?|meine?|meinte)\b[\s,:]*)"
 # "Not the can, the mug" too.
-_NOT = r"(?:(?:not|nicht)\s+[^,]+?\s*(?:,(?:\s*but)?|,?\s*\bsondern|\s+but)\s*)"
-_CORRECTION = re.compile(rf"(?:{_NO}+{_MEANT}?|{_MEANT}|{_NO}*{_NOT})(?P<rest>.+)", re.IGNORECASE | re.DOTALL)
+_NOT = r"(?:(?:not|nicht)\s+[^,]+?\s*(?:,?\s*\b(?:but|sondern)\s|,)\s*)"
+_CORRECTION = re.compile(rf"(?:{_NO}*{_NOT}|{_NO}+{_MEANT}?|{_MEANT})(?P<rest>.+)", re.IGNORECASE | re.DOTALL)
 
 # "And the mug too" and "the same with the mug" say to do with it what was done last. "And the mug" alone may
 # go on with a question.

@@ -97,10 +97,8 @@ _MEMORY: tuple[tuple[str, str], ...] = (
     ("doing", r"\bwhat are you doing\b|\bwas (?:machst|tust) du\b|\bare you (?:pushing|pulling|moving)\b"),
     ("did", r"\bwhat (?:did|have) you\b(?! got)|\bwhat (?:just )?happened\b|\bwhat was that\b"),
     ("did", r"\bwas hast du\b|\bwas ist passiert\b"),
-    (
-        "worked",
-        r"\b(?:did|has) (?:it|that|this) work|\b(?:it|that|this) worked\b|\bsuccess|\bgeklappt\b|\bfunktioniert\b|\bgelungen\b",
-    ),
+    ("worked", r"\b(?:did|has) (?:it|that|this) work|\b(?:it|that|this) worked\b|\bsuccess"),
+    ("worked", r"\bgeklappt\b|\bfunktioniert\b|\bgelungen\b"),
     ("worked", r"\bdid you\b|\bhave you (?:pushed|pulled|moved|slid|managed)\b"),
     ("worked", r"\bhast du .*\b(?:geschoben|gezogen|geschafft|bewegt)\b"),
 )
