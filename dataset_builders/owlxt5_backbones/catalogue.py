@@ -139,7 +139,7 @@ def _sphere(new: InstanceBuilder) -> None:
     among = ("orange", "red", "yellow") if new.chance(0.4) else ()
     new.turn(_ball(radius), new.colour(*among))
     if new.chance(0.6):  # a stripe, level or not
-        width, lean = new.uniform(6, 22), 60 if new.chance(0.7) else 6
+        width, lean = new.uniform(6, 22), 60 if new.chance(0.5) else 6
         tilt = (new.uniform(-lean, lean), new.uniform(-lean, lean), 0.0)
         stripe = Lathe(tuple(_arc((0, 0), radius * 1.01, -width, width)))
         new.add(stripe, new.contrast() if new.chance(0.5) else new.shade(_WHITE), (0, 0, radius), tilt)
