@@ -35,6 +35,7 @@ _TWINS = 0.4
 _AT_A_HAND, _AROUND = 0.4, 0.02
 # What is taller than broad, so many times, may have fallen over; a share of it has.
 _TALL, _FALLEN = 1.3, 0.15
+_FALLS = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])  # the quaternion of a quarter turn forward
 _ROBOT_HIDDEN, _ARMS_ELSEWHERE = 0.15, 0.4
 _PLAIN_TABLE = 0.15
 _CAMERA_SHIFT, _CAMERA_TURN, _ZOOM = 0.012, 2.0, 2.5  # metres and degrees, standard deviations
@@ -57,7 +58,8 @@ class RandomScenes:
         self._model = build_model(tuple(instance.item for instance in self.instances))
         self._data = mujoco.MjData(self._model)
         self._bodies = [self._model.body(instance.item.name).id for instance in self.instances]
-        extents = [np.ptp(visible_surface(self._model, each.item.name), axis=0) for each in self.instances]
+        self._surfaces = [visible_surface(self._model, each.item.name) for each in self.instances]
+        extents = (np.ptp(surface, axis=0) for surface in self._surfaces)
         self._is_tall = [height > _TALL * max(broad) for *broad, height in extents]
         self._joints = [self._model.joint(name).qposadr[0] for name in JOINT_NAMES]
         self._robot = self._robot_geoms()
@@ -163,18 +165,10 @@ class RandomScenes:
         for index, instance in enumerate(self.instances):
             self._data.joint(instance.item.name).qpos[:] = parking_place(index)
         for index, pose in zip(chosen, places, strict=False):
-            name = self.instances[index].item.name
             fallen = self._is_tall[index] and rng.random() < _FALLEN
-            self._data.joint(name).qpos[:] = self._lying_place(name, pose) if fallen else resting_place(pose)
+            place = _lying_place(self._surfaces[index], pose) if fallen else resting_place(pose)
+            self._data.joint(self.instances[index].item.name).qpos[:] = place
         return chosen[: len(places)]
-
-    def _lying_place(self, name: str, pose: Pose) -> tuple[float, ...]:
-        """As `resting_place`, of an object that has fallen over."""
-        quaternion, turned = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0]), np.empty(9)
-        mujoco.mju_mulQuat(quaternion, np.array(resting_place(pose)[3:]), quaternion.copy())
-        mujoco.mju_quat2Mat(turned, quaternion)
-        lowest = (visible_surface(self._model, name) @ turned.reshape(3, 3).T)[:, 2].min()
-        return pose.x, pose.y, TABLE_HEIGHT - lowest, *quaternion.tolist()
 
     def _draw_places(self, count: int) -> list[Pose]:
         rng, places = self._rng, list[Pose]()
@@ -202,3 +196,13 @@ class RandomScenes:
             for index, box in zip(shown, boxes, strict=True)
             if box[0] >= 0
         ]
+
+
+def _lying_place(surface: NDArray[np.float64], pose: Pose) -> tuple[float, ...]:
+    """As `resting_place`, of an object with this visible surface (N, 3) that has fallen over."""
+    *_, w, x, y, z = resting_place(pose)
+    quaternion, turned = np.empty(4), np.empty(9)
+    mujoco.mju_mulQuat(quaternion, np.array([w, x, y, z]), _FALLS)
+    mujoco.mju_quat2Mat(turned, quaternion)
+    lowest = (surface @ turned.reshape(3, 3).T)[:, 2].min()
+    return pose.x, pose.y, TABLE_HEIGHT - lowest, *quaternion.tolist()

@@ -45,7 +45,7 @@ def answer(question: Question, scene: Scene) -> Answer:
         what = with_article(english) if len(found) == 1 else f"{_number(len(found))} {plural(english)}"
         return Answer(f"Yes, I see {what}, {_places(found)}.", _only(found))
     if not found:
-        return Answer(f"I cannot see {with_article(english)}. {scene.report()}")
+        return _unseen(question.name, scene)
     if question.kind == "beside":
         return _beside(question.detail, found, english, scene)
     if question.kind == "colour":
@@ -55,7 +55,7 @@ def answer(question: Question, scene: Scene) -> Answer:
     if question.kind == "is":
         return _is(question, found, english, scene)
     if len(found) > 1:
-        return Answer(f"I see {_number(len(found))} {plural(english)}, {_places(found)}.")
+        return _several(found)
     return Answer(f"The {english} is {where(found[0], scene)}.", found[0])
 
 
@@ -110,18 +110,33 @@ def _places(things: list[Thing]) -> str:
     return listed([SIDES_IN_WORDS[side_of(thing.place)] for thing in things], "and")
 
 
+def _unseen(name: str, scene: Scene) -> Answer:
+    return Answer(f"I cannot see {with_article(object_name(name))}. {scene.report()}")
+
+
+def _several(found: list[Thing]) -> Answer:
+    return Answer(f"I see {_number(len(found))} {plural(found[0].name)}, {_places(found)}.")
+
+
+def _name_one(found: list[Thing]) -> Answer:
+    return Answer(f"I see {_number(len(found))} {plural(found[0].name)}: name one of them.")
+
+
 def _with_names(things: list[Thing]) -> str:
     return listed([with_article(thing.name) for thing in things], "and")
 
 
 def _on_side(side: str, scene: Scene) -> Answer:
-    if side in _DISTANCES:
-        chosen = matching(Target(side=side), [thing.place for thing in scene.things], [], None)
-        there = [scene.things[index] for index in chosen]
-    else:
-        there = [thing for thing in scene.things if side_of(thing.place) == side]
+    there = _those_on(side, scene.things)
     what = _with_names(there) if there else "nothing that I know"
     return Answer(f"{(_DISTANCES | SIDES_IN_WORDS)[side].capitalize()} I see {what}.", _only(there))
+
+
+def _those_on(side: str, things: list[Thing]) -> list[Thing]:
+    if side in _DISTANCES:
+        chosen = matching(Target(side=side), [thing.place for thing in things], [], None)
+        return [things[index] for index in chosen]
+    return [thing for thing in things if side_of(thing.place) == side]
 
 
 def _count(name: str, scene: Scene) -> Answer:
@@ -136,25 +151,28 @@ def _count(name: str, scene: Scene) -> Answer:
 
 def _beside(relation: str, found: list[Thing], english: str, scene: Scene) -> Answer:
     if len(found) > 1:
-        return Answer(f"I see {_number(len(found))} {plural(english)}: name one of them.")
-    things = [thing for thing in scene.things if thing.apart_from(found[0])]
-    target = Target(relation=Relation(relation, (Landmark(english),)))
-    left = matching(target, [thing.place for thing in things], [found[0].place], None)
-    there = [things[index] for index in left]
-    words = RELATIONS_IN_WORDS[relation]
-    place = f"{'to the ' if relation in ('left of', 'right of') else ''}{words} the {english}"
+        return _name_one(found)
+    there = _those_beside(relation, found[0], scene.things)
+    place = _beside_in_words(relation, english)
     what = _with_names(there) if there else "nothing that I know"
     return Answer(f"{place[:1].upper()}{place[1:]} I see {what}.", _only(there))
 
 
+def _those_beside(relation: str, mark: Thing, things: list[Thing]) -> list[Thing]:
+    others = [thing for thing in things if thing.apart_from(mark)]
+    target = Target(relation=Relation(relation, (Landmark(mark.name),)))
+    return [others[index] for index in matching(target, [each.place for each in others], [mark.place], None)]
+
+
+def _beside_in_words(relation: str, name: str) -> str:
+    to_the = "to the " if relation in ("left of", "right of") else ""
+    return f"{to_the}{RELATIONS_IN_WORDS[relation]} the {name}"
+
+
 def _is_on_side(side: str, found: list[Thing], english: str, scene: Scene) -> Answer:
     if len(found) > 1:
-        return Answer(f"I see {_number(len(found))} {plural(english)}, {_places(found)}.")
-    things = [found[0], *(thing for thing in scene.things if thing.apart_from(found[0]))]
-    if side in _DISTANCES:
-        fits = 0 in matching(Target(side=side), [thing.place for thing in things], [], None)
-    else:
-        fits = side_of(found[0].place) == side
+        return _several(found)
+    fits = any(thing is found[0] for thing in _those_on(side, _with(found[0], scene)))
     said = (_DISTANCES | SIDES_IN_WORDS)[side] if fits else where(found[0], scene)
     return Answer(f"{'Yes' if fits else 'No'}, the {english} is {said}.", found[0])
 
@@ -162,18 +180,19 @@ def _is_on_side(side: str, found: list[Thing], english: str, scene: Scene) -> An
 def _related(question: Question, found: list[Thing], scene: Scene) -> Answer:
     others = _called(question.other, scene)
     if not others:
-        return Answer(f"I cannot see {with_article(object_name(question.other))}. {scene.report()}")
+        return _unseen(question.other, scene)
     for things in found, others:
         if len(things) > 1:
-            return Answer(f"I see {_number(len(things))} {plural(things[0].name)}: name one of them.")
+            return _name_one(things)
     [thing], [mark] = found, others
-    things = [other for other in scene.things if other.apart_from(mark) and other.apart_from(thing)]
-    target = Target(relation=Relation(question.detail, (Landmark(mark.name),)))
-    if 0 in matching(target, [each.place for each in (thing, *things)], [mark.place], None):
-        to_the = "to the " if question.detail in ("left of", "right of") else ""
-        there = f"{to_the}{RELATIONS_IN_WORDS[question.detail]} the {mark.name}"
-        return Answer(f"Yes, the {thing.name} is {there}.", thing)
+    if any(there is thing for there in _those_beside(question.detail, mark, _with(thing, scene))):
+        return Answer(f"Yes, the {thing.name} is {_beside_in_words(question.detail, mark.name)}.", thing)
     return Answer(f"No, the {thing.name} is {where(thing, scene)}.", thing)
+
+
+def _with(thing: Thing, scene: Scene) -> list[Thing]:
+    """A thing that was asked for by name, and all that stands elsewhere, under what each is called best."""
+    return [thing, *(other for other in scene.things if other.apart_from(thing))]
 
 
 def _colour(found: list[Thing], english: str, scene: Scene) -> Answer:
