@@ -172,10 +172,11 @@ def plan_new(words: str, understood: Understood, situation: Situation) -> Step:
     """What a sentence leads to that answers nothing and corrects nothing."""
     match understood.answer:
         case meant.Hold(reason):
+            # The rest was not understood: "okay, enough". So it ends a movement, which a courtesy does not.
             if reason == "not_an_action" and (
                 said := courtesy(_FIRST_CLAUSE.split(words)[0], situation.seen)
             ):
-                return Remark(said)
+                return Say(said)
             question = read_question("scene", words) if reason in ("not_an_action", "beyond") else None
             return Ask(question) if question and question.kind != "scene" else Say(HOLDS[reason])
         case meant.Question(kind):
