@@ -187,26 +187,40 @@ def _marked(rng: np.random.Generator, target: Target, said: str, related: bool =
         rest = " ".join(said.split()[1:]) if said.split()[0] in _ARTICLES else said
         rest = rest if target.name else f"{target.colour} one"
     kind = 1.0 if related else rng.random()
-    if kind < 0.2:
-        side = choice(rng, SIDES)
-        return replace(target, side=side), f"the {choice(rng, words(f'{side} before', 'en'))} {rest}"
     if kind < 0.4:
-        side = choice(rng, SIDES)
-        return replace(target, side=side), f"the {rest} {choice(rng, words(f'{side} behind', 'en'))}"
+        side, how = choice(rng, SIDES), rng.random()
+        if how < 0.3:
+            forms = [form for form in words(f"{side} said", "en") if rest != "one" or "the {}" not in form]
+            return replace(target, side=side), choice(rng, forms).format(rest)
+        if how < 0.6:
+            return replace(target, side=side), f"the {rest} {choice(rng, words(f'{side} behind', 'en'))}"
+        before = choice(rng, words(f"{side} before", "en"))
+        alone = rest == "one" and before.endswith("st") and rng.random() < 0.3
+        return replace(target, side=side), f"the {before}" if alone else f"the {before} {rest}"
     if kind < 0.52:
-        rank, side = choice(rng, [*_RANKS]), choice(rng, ("left", "right"))
-        counted = choice(rng, words("counted", "en")).format(side)
+        rank, (side, other) = choice(rng, [*_RANKS]), choice(rng, (("left", "right"), ("right", "left")))
+        counted = choice(rng, words("counted", "en")).format(side, other)
         if rng.random() < 0.2:
             return replace(target, side=side), f"the first {rest} {counted}"
-        return replace(target, order=(rank, side)), f"the {choice(rng, _RANKS[rank])} {rest} {counted}"
+        word = choice(rng, _RANKS[rank])
+        form = choice(rng, words("ranked said", "en")) if rng.random() < 0.3 else "the {rank} {rest} {counted}"
+        said = form.format(rank=word, rest=rest, counted=counted, side=side)
+        return replace(target, order=(rank, side)), said
     if kind < 0.62:
-        return replace(target, reference="other"), f"the other {rest}"
+        return replace(target, reference="other"), choice(rng, words("other said", "en")).format(rest)
     relation = choice(rng, RELATIONS)
     things = [draw_thing(rng, plain=True) for _ in range(2 if relation == "between" else 1)]
     marks = tuple(Landmark(thing.target.name, thing.target.colour) for thing in things)
     joined = choice(rng, words("joined", "en")) if rng.random() < 0.7 else ""
     landmarks = " and ".join(thing.texts["dative"] for thing in things)
-    said = " ".join(f"the {rest} {joined} {choice(rng, words(relation, 'en'))} {landmarks}".split())
+    how = choice(rng, words(relation, "en"))
+    if how.endswith(" than"):
+        # Else "push the mug further left than the can" would be a place to go to.
+        joined = joined or "that is"
+    start = f"the {rest} {joined}"
+    if rest == "one" and rng.random() < 0.4:
+        start = choice(rng, words("nameless", "en"))
+    said = " ".join(f"{start} {how} {landmarks}".split())
     return replace(target, relation=Relation(relation, marks)), said
 
 
@@ -242,18 +256,21 @@ def draw_german_thing(
         name = "" if rng.random() < 0.25 else name
     before: list[str] = [colour] if colour else []
     if related or (not plain and rng.random() < _SHARE_MARKED):
-        marks, first, behind = _german_marks(rng, ending, related)
+        marks, first, behind = _german_marks(rng, ending, noun.gender, related)
         before = [*first, *before]
         if before and rng.random() < 0.15:
             name = ""
     said = " ".join([article, *before, *([name] if name else []), *([behind] if behind else [])])
+    said = said.replace(" ,", ",")
     target = replace(marks, name=name, colour=" ".join(said_words(colour)))
     if target == Target():
         return draw_german_thing(rng, case, plain=plain, related=related)
     return Thing(target, {case: said}, {case: _PRONOUNS[noun.gender][case]})
 
 
-def _german_marks(rng: np.random.Generator, ending: str, related: bool) -> tuple[Target, list[str], str]:
+def _german_marks(
+    rng: np.random.Generator, ending: str, gender: Gender, related: bool
+) -> tuple[Target, list[str], str]:
     """A side, a place in a row, a relation, or the other one: what stands before the name, and behind it."""
     kind = 1.0 if related else rng.random()
     if kind < 0.22:
@@ -265,14 +282,17 @@ def _german_marks(rng: np.random.Generator, ending: str, related: bool) -> tuple
         return Target(side=side), [how], ""
     if kind < 0.45:
         side = choice(rng, SIDES)
+        if rng.random() < 0.25:
+            return Target(side=side), [], _clause(rng, gender, choice(rng, words(f"{side} standing", "de")))
         return Target(side=side), [], choice(rng, words(f"{side} behind", "de"))
     if kind < 0.57:
-        rank, side = choice(rng, [*_RANKS_DE]), choice(rng, [*_SIDES_DE])
-        counted = choice(rng, ("von {}", "von {} gezählt", "von {} aus", "von {} her")).format(
-            _SIDES_DE[side]
-        )
+        rank, (side, other) = choice(rng, [*_RANKS_DE]), choice(rng, (("left", "right"), ("right", "left")))
+        way = _SIDES_DE[side]
+        counted = choice(rng, words("counted", "de")).format(way, _SIDES_DE[other], f"{way[:-1]}en")
         if rng.random() < 0.2:
             return Target(side=side), [f"erst{ending}"], counted
+        if rng.random() < 0.15:
+            return Target(order=(rank, side)), [], f"an {_RANKS_DE[rank]}er stelle {counted}"
         return Target(order=(rank, side)), [f"{_RANKS_DE[rank]}{ending}"], counted
     if kind < 0.68:
         return Target(reference="other"), [f"ander{ending}"], ""
@@ -283,7 +303,12 @@ def _german_marks(rng: np.random.Generator, ending: str, related: bool) -> tuple
     marks = Target(relation=Relation(relation, landmarks))
     if rng.random() < 0.15:
         return marks, [f"{how} {choice(rng, _STANDING_DE)}{ending}"], ""
-    return marks, [], how
+    return marks, [], _clause(rng, gender, how) if rng.random() < 0.2 else how
+
+
+def _clause(rng: np.random.Generator, gender: Gender, where: str) -> str:
+    """Where a thing is, said in a German clause."""
+    return choice(rng, words("clause", "de")).format(DEFINITE["nominative"][gender][0], where)
 
 
 @dataclass(frozen=True)
