@@ -203,7 +203,8 @@ def _marked(rng: np.random.Generator, target: Target, said: str, related: bool =
         if rng.random() < 0.2:
             return replace(target, side=side), f"the first {rest} {counted}"
         word = choice(rng, _RANKS[rank])
-        form = choice(rng, words("ranked said", "en")) if rng.random() < 0.3 else "the {rank} {rest} {counted}"
+        often = "the {rank} {rest} {counted}"
+        form = often if rng.random() < 0.7 else choice(rng, words("ranked said", "en"))
         said = form.format(rank=word, rest=rest, counted=counted, side=side)
         return replace(target, order=(rank, side)), said
     if kind < 0.62:
