@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The lessons in understanding, and the sentences that are held out of them."""
 
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -71,7 +71,10 @@ def test_no_held_out_sentence_is_a_lesson() -> None:
 
 def test_no_frame_is_a_held_out_sentence() -> None:
     texts = {
-        normalised(frame.text) for found in frame_book().frames.values() for pair in found for frame in pair
+        normalised(frame.text)
+        for files in frame_book().frames.values()
+        for pair in chain.from_iterable(files)
+        for frame in pair
     }
     assert len(texts) > 1000
     assert not texts & held_out()
@@ -79,7 +82,7 @@ def test_no_frame_is_a_held_out_sentence() -> None:
 
 @pytest.mark.parametrize("language", ["en", "de"])
 def test_contrasts_differ_in_what_is_right(language: str) -> None:
-    for pair in frame_book().frames["contrast", language]:
+    for pair in chain.from_iterable(frame_book().frames["contrast", language]):
         assert len({frame.kind for frame in pair}) == len(pair) == 2
 
 

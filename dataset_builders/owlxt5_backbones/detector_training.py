@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the detector is trained: its loss, its optimizer, and the choice of its score threshold."""
+"""How the detector is trained: its loss, and the choice of its score threshold."""
 
 from collections.abc import Mapping, Sequence
-from functools import partial
-from importlib.util import find_spec
 from typing import Any
 
 import torch
@@ -13,19 +11,13 @@ from transformers import (  # type: ignore[attr-defined]
     Owlv2ForObjectDetection,
     Owlv2Processor,
     Trainer,
-    TrainingArguments,
 )
 
 from .detector import predict_patches
 from .detector_batches import Collator
 
-if find_spec("timm") is None:  # now, not after an hour of rendering
-    raise ModuleNotFoundError("making backbones needs timm: pip install 'lerobot_policy_owlxt5[backbones]'")
-
 _IMAGES_AT_ONCE = 32
 _L1_WEIGHT, _GIOU_WEIGHT = 5.0, 2.0
-# AdamW's learning rate as a share of Muon's.
-_ADAMW_SHARE = 0.4
 
 
 def detection_loss(logits: Tensor, found: Tensor, positive: Tensor, boxes: Tensor, known: Tensor) -> Tensor:
@@ -50,37 +42,7 @@ def detection_loss(logits: Tensor, found: Tensor, positive: Tensor, boxes: Tenso
 
 
 class DetectorTrainer(Trainer):
-    """transformers' trainer with the loss that OWLv2 lacks, and with Muon.
-
-    Muon takes the matrices of the Transformers' layers; AdamW what is left. On our images it needs half of
-    AdamW's steps.
-
-    Args:
-        args: Of the training; `learning_rate` is Muon's.
-        **kwargs: The trainer's other arguments.
-    """
-
-    def __init__(self, model: nn.Module, args: TrainingArguments, **kwargs: Any) -> None:
-        from timm.optim import muon  # takes seconds: it imports all of timm's models
-
-        if not args.bf16:
-            # timm always orthogonalizes in bf16: three quarters of a step on a processor that emulates it.
-            muon.zeropower_via_newtonschulz = partial(muon.zeropower_via_newtonschulz, dtype=torch.float32)
-        named = [*model.named_parameters()]
-        matrices = [weight for name, weight in named if weight.ndim == 2 and ".layers." in name]
-        rest = [weight for name, weight in named if weight.ndim != 2 or ".layers." not in name]
-        groups = [
-            {"params": matrices},
-            {"params": rest, "use_fallback": True, "lr": _ADAMW_SHARE * args.learning_rate},
-        ]
-        options = {
-            "params": groups,
-            "lr": args.learning_rate,
-            "weight_decay": args.weight_decay,
-            "betas": (args.adam_beta1, args.adam_beta2),
-            "nesterov": True,
-        }
-        super().__init__(model, args, optimizer_cls_and_kwargs=(muon.Muon, options), **kwargs)
+    """transformers' trainer with the loss that OWLv2 lacks."""
 
     def compute_loss(
         self,

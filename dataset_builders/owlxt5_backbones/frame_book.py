@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The frames of sentences in `understanding_frames/`, and the words that fill them."""
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -20,11 +21,11 @@ class FrameBook:
     """The frames of all files, and the lists that fill places in them.
 
     Attributes:
-        frames: By kind and language; a contrast has two, each as likely.
+        frames: By kind and language, those of each file; a contrast has two, each as likely.
         lists: By name and language what may stand in a place of this name.
     """
 
-    frames: dict[tuple[str, str], list[tuple[Frame, ...]]]
+    frames: dict[tuple[str, str], list[list[tuple[Frame, ...]]]]
     lists: dict[tuple[str, str], list[str]]
 
 
@@ -38,7 +39,7 @@ def frame_book() -> FrameBook:
     """Read `understanding_frames/`."""
     book = FrameBook({}, {})
     for file in sorted(files(__package__).joinpath("understanding_frames").iterdir(), key=lambda f: f.name):
-        section = ("", "")
+        section, written = ("", ""), defaultdict[tuple[str, str], list[tuple[Frame, ...]]](list)
         for line in file.read_text(encoding="utf-8").splitlines():
             if line.startswith("["):
                 kind, _, language = line.strip("[]").rpartition(" ")
@@ -50,5 +51,7 @@ def frame_book() -> FrameBook:
                 else:
                     sides = line.split(" || ") if kind == "contrast" else [f"{kind}: {line}"]
                     frame = tuple(Frame(*side.split(": ", 1)) for side in sides)
-                    book.frames.setdefault(section, []).append(frame)
+                    written[section].append(frame)
+        for section, found in written.items():
+            book.frames.setdefault(section, []).append(found)
     return book

@@ -29,6 +29,7 @@ from .language_model import (
     make_language_model,
     shipped_sizes,
 )
+from .muon import muon_options
 from .understanding_caution import find_understanding_threshold, find_wish_words
 
 _VALIDATION_IMAGES = 480
@@ -155,7 +156,14 @@ def train_detector(config: BackbonesConfig, sizes: DetectorSizes) -> tuple[PreTr
     start = config.start_from
     model, processor = load_detector_model(start) if start else make_detector_model(sizes, config.seed)
     collate = Collator(processor, model.num_patches_width, _PATCHES)
-    trainer = DetectorTrainer(model, _arguments(config), data_collator=collate, train_dataset=images)
+    arguments = _arguments(config)
+    trainer = DetectorTrainer(
+        model,
+        arguments,
+        data_collator=collate,
+        train_dataset=images,
+        optimizer_cls_and_kwargs=muon_options(model, arguments),
+    )
     losses = _train(trainer)
     model.eval()
     model.config.score_threshold = find_threshold(model, processor, validation, config.seed)
@@ -182,7 +190,10 @@ def train_language_model(
     used = int(last.rpartition("-")[2]) * recipe.batch_size if last else 0
     collate = ExampleCollator(AutoTokenizer.from_pretrained(config.model_dir))
     examples = Examples(kinds, config.seed, recipe.batch_size, used)
-    losses = _train(Trainer(model, arguments, collate, train_dataset=examples))
+    optimizer = muon_options(model, arguments)
+    losses = _train(
+        Trainer(model, arguments, collate, train_dataset=examples, optimizer_cls_and_kwargs=optimizer)
+    )
     model.half().save_pretrained(config.model_dir)
     if config.part == "understanding":
         threshold = find_understanding_threshold(str(config.model_dir), config.seed)

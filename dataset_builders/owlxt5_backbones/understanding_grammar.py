@@ -214,14 +214,14 @@ def _marked(rng: np.random.Generator, target: Target, said: str, related: bool =
     marks = tuple(Landmark(thing.target.name, thing.target.colour) for thing in things)
     joined = choice(rng, words("joined", "en")) if rng.random() < 0.7 else ""
     landmarks = " and ".join(thing.texts["dative"] for thing in things)
-    how = choice(rng, words(relation, "en"))
-    if how.endswith(" than"):
+    place = choice(rng, words(relation, "en"))
+    if place.endswith(" than"):
         # Else "push the mug further left than the can" would be a place to go to.
         joined = joined or "that is"
     start = f"the {rest} {joined}"
     if rest == "one" and rng.random() < 0.4:
         start = choice(rng, words("nameless", "en"))
-    said = " ".join(f"{start} {how} {landmarks}".split())
+    said = " ".join(f"{start} {place} {landmarks}".split())
     return replace(target, relation=Relation(relation, marks)), said
 
 

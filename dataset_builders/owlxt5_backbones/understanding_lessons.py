@@ -47,7 +47,7 @@ from .understanding_grammar import (
     draw_thing,
 )
 
-HELD_OUT = tuple(f"held_out_sentences{part}.tsv" for part in ("", "_2", "_3", "_4"))
+HELD_OUT = tuple(f"held_out_sentences{part}.tsv" for part in ("", "_2", "_3", "_4", "_5"))
 """Files of sentences to measure on."""
 SHARES = {
     **{"wish": 0.26, "two": 0.11, "correction": 0.04, "forbidden": 0.09, "conditional": 0.06},
@@ -99,7 +99,10 @@ def draw_understood(rng: np.random.Generator) -> tuple[str, Answer]:
         found = frame_book().frames.get((kind, language))
         if not found:
             continue
-        frame = choice(rng, choice(rng, found))
+        # Files have different authors. The few frames of one are not to drown in the many of another.
+        weights = np.sqrt([len(frames) for frames in found])
+        frames = found[int(rng.choice(len(found), p=weights / weights.sum()))]
+        frame = choice(rng, choice(rng, frames))
         filling = _Filling(rng, frame, language)
         sentence, answer = _as_people_write(rng, filling.sentence, filling.answer, language)
         if normalised(sentence) not in held_out():
