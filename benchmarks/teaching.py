@@ -85,18 +85,20 @@ def others(names: list[str], name: str, count: int, random: np.random.Generator)
 
 def attempt(
     eyes: Eyes, detector: ZeroShotDetector, name: str, random: np.random.Generator
-) -> tuple[bool, bool]:
-    """Teach a thing from one look; whether it is found where it is, and not found where it is not."""
+) -> tuple[bool, bool, bool]:
+    """Teach a thing from one look; whether it is found and listed where it is, and not found elsewhere."""
     detector.taught = TaughtThings("benchmark")
     scene = eyes.look([name, *others(eyes.names, name, 2, random)], random)
     shown = scene.at(*eyes.point_at(name, random))
     if shown is None:
-        return False, True
+        return False, False, True
     scene.teach(shown, name)
     asked = Search(Target(name), takes_best=True)
-    found = eyes.look([name, *others(eyes.names, name, 2, random)], random).find(asked).thing
+    scene = eyes.look([name, *others(eyes.names, name, 2, random)], random)
+    found = scene.find(asked).thing
     right = found is not None and eyes.distance(found, name) <= CLOSE
-    return right, eyes.look(others(eyes.names, name, 3, random), random).find(asked).thing is None
+    listed = any(thing.name == name and eyes.distance(thing, name) <= CLOSE for thing in scene.things)
+    return right, listed, eyes.look(others(eyes.names, name, 3, random), random).find(asked).thing is None
 
 
 def by_name(eyes: Eyes, tries: int, random: np.random.Generator) -> list[bool]:
@@ -122,9 +124,9 @@ def main(config: TeachingConfig) -> None:
     eyes, claeo = Eyes("household", detector), Eyes("claeo", detector)
     names = [name for name in eyes.names if (name in HELD_OUT) == (config.among == "held_out")]
     table = Table(title=f"Taught by one look, {config.detector}, {config.among}; Wilson's 95 % intervals, %")
-    for heading in ("thing", "tries", "found within 2 cm", "absent: not found"):
+    for heading in ("thing", "tries", "found within 2 cm", "listed by its name", "absent: not found"):
         table.add_column(heading, justify="left" if heading == "thing" else "right")
-    everything: list[tuple[bool, bool]] = []
+    everything: list[tuple[bool, bool, bool]] = []
     learnt = TaughtThings("benchmark")
     with tqdm(total=len(names) * config.tries, unit="try") as bar:
         for name in names:
@@ -148,7 +150,7 @@ def main(config: TeachingConfig) -> None:
         )
 
 
-def _rates(tried: list[tuple[bool, bool]]) -> list[str]:
+def _rates(tried: list[tuple[bool, bool, bool]]) -> list[str]:
     return [rate(sum(column), len(column), 1) for column in zip(*tried, strict=True)]
 
 

@@ -197,9 +197,17 @@ class Scene:
 
     @cached_property
     def _labelled(self) -> list[Thing]:
-        """All that is seen, each by the detector's best label, from left to right."""
+        """All that is seen, each by the detector's best label, from left to right.
+
+        What looks most like a thing that was taught has its name, though it may look still more like another.
+        """
         found = self._proposed.things(self._detector.threshold)
         best = found.score.argmax(dim=1).tolist()
+        taught = [label for label, name in enumerate(self._labels) if name in self.taught]
+        for label in taught if best else ():
+            place = int(found.score[:, label].argmax())
+            if found.score[place, label] >= self._detector.threshold:
+                best[place] = label
         things = [Thing(self._labels[label], found.box[place, label]) for place, label in enumerate(best)]
         return sorted(things, key=lambda thing: thing.place.x)
 

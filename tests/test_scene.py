@@ -2,12 +2,13 @@
 """Words find things, or the robot says why not."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import pytest
 import torch
 
 from lerobot_owlxt5.backbones.detections import Candidates, Detector
+from lerobot_owlxt5.backbones.taught import TaughtThings
 from lerobot_owlxt5.commands.answer import Landmark, Relation, Target
 from lerobot_owlxt5.commands.colours import basic_colour, split_colour
 from lerobot_owlxt5.scene import Scene, Search, Thing
@@ -170,3 +171,18 @@ def test_words_for_colours() -> None:
     assert split_colour("light green jam jar") == ("light green", "jam jar")
     assert split_colour("greenish blue cube") == ("greenish blue", "cube")
     assert split_colour("mug") == ("", "mug")
+
+
+class TaughtTable(Table):
+    """One that was taught a trophy: a vase looks a little like it, and a can less."""
+
+    taught = cast(TaughtThings, {"trophy": ()})
+
+    def _score(self, name: str, thing: str) -> float:
+        return {"vase": 0.5, "can": 0.4}[thing] if name == "trophy" else super()._score(name, thing)
+
+
+def test_what_looks_most_like_a_taught_thing_is_listed_under_its_name() -> None:
+    scene = Scene(TaughtTable({"left": "can", "right": "vase"}), {}, ["can", "vase"], str)
+    assert [thing.name for thing in scene.things] == ["can", "trophy"]
+    assert scene.report() == "I see a can and a trophy."

@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 from functools import cache
 
-from .answer import Action, Answer, Hold, Question, Target
+from .answer import Action, Answer, Hold, Question, Request, Target
 from .colours import split_colour
 from .parser import Command, formal_command, object_name, parse_command, plain
 from .prompts import MAX_CHARACTERS, execute_prompt
@@ -55,6 +55,17 @@ class Instruction:
     def needs_home(self) -> bool:
         """Whether arms that are far from where movements begin have to go there first."""
         return self.verb is not None or self.goes_home
+
+    def request(self, target: Target | None = None) -> Request | None:
+        """What it asks for, and what is to be done after it; None where nothing is to be moved.
+
+        Args:
+            target: What is meant, in other words than those that were said.
+        """
+        target = target or self.target
+        if self.verb is None or target is None:
+            return None
+        return Request((Action(self.verb, target), *self.later))
 
     def obstacle(self, problem: str, far: bool) -> str:
         """A sentence on why nothing is done, or in place of it; empty if the robot may move.

@@ -7,7 +7,7 @@ from typing import Any
 import torch
 from lerobot.robots import Robot
 
-from ..commands.answer import Action, Request, Target
+from ..commands.answer import Request, Target
 from ..commands.instruction import HOME, target_of
 from ..commands.prompts import MAX_CHARACTERS
 from ..commands.replies import HOLDS, NO_OBJECTS_SEEN, did_you_mean
@@ -262,10 +262,7 @@ class Conversation:
             return None
         if execution is None or execution.task != self._task:  # it has not begun
             return self._last
-        verb, target = execution.instruction.verb, execution.spoken_of
-        if verb is None or target is None:
-            return None
-        return Request((Action(verb, target), *execution.instruction.later))
+        return execution.instruction.request(execution.spoken_of)
 
     def _hear_policy(self) -> None:
         """Pass on what the policy says, and note what it means."""
@@ -302,17 +299,17 @@ class Conversation:
                 self._say(AS_YOU_DID)
             return
         self._memory.still = self._response
-        target = instruction.target
+        request = instruction.request()
         # A question about one of several landmarks is none about the target.
-        if instruction.verb is None or target is None or target.relation:
+        if request is None or request.actions[0].target.relation:
             return
+        action, *later = request.actions
         if self._response.endswith("?"):
-            request = Request((Action(instruction.verb, target), *instruction.later))
             self._open = Open("which", request)
-        elif other := self._respelt(target):
-            action = Action(instruction.verb, other)
-            self._open = Open("whether", Request((action, *instruction.later)))
-            self._say(did_you_mean(action))
+        elif other := self._respelt(action.target):
+            meant = replace(action, target=other)
+            self._open = Open("whether", Request((meant, *later)))
+            self._say(did_you_mean(meant))
 
     def _respelt(self, target: Target) -> Target | None:
         """What is seen and has nearly the name of a target that is not seen; None if nothing has."""
@@ -323,12 +320,12 @@ class Conversation:
 
     def _again(self, execution: Execution) -> bool:
         """Begin once more, if a thing was seen not to have moved, and it is the first time."""
-        verb, target = execution.instruction.verb, execution.spoken_of
         unmoved = execution.change is not None and execution.change.way == ""
-        if self._tried_again or not unmoved or verb is None or target is None:
+        request = execution.instruction.request(execution.spoken_of)
+        if self._tried_again or not unmoved or request is None:
             return False
         self._tried_again = True
-        self._begin(self._policy.agree(Request((Action(verb, target),))))
+        self._begin(self._policy.agree(request))
         return True
 
     def _answer(self, question: Question) -> None:
