@@ -13,7 +13,7 @@ from lerobot_owlxt5.commands.answer import Request, left_over, said_words
 from .understanding_lessons import draw_understood
 
 _LESSONS = 500
-_ASKED_BACK = 0.02
+_ASKED_BACK = 0.015
 _WISHES, _SEEN = 60_000, 3
 
 

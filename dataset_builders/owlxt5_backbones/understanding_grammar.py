@@ -73,6 +73,7 @@ _TWO_WORDS = (
     ),
 )
 _SHARE_INVENTED, _SHARE_COLOURED, _SHARE_QUALITY, _SHARE_MARKED = 0.25, 0.3, 0.1, 0.4
+_SHARE_USUAL = 0.35
 
 # fmt: off
 _ONSETS = (
@@ -171,6 +172,12 @@ def draw_thing(rng: np.random.Generator, *, plain: bool = False, related: bool =
     return _english(*_marked(rng, target, said, related))
 
 
+def _way(rng: np.random.Generator, name: str, language: str) -> str:
+    """A way to say something: the list's first, which is the usual one, more often than any other."""
+    ways = words(name, language)
+    return ways[0] if rng.random() < _SHARE_USUAL else choice(rng, ways)
+
+
 _ARTICLES = ("that", "this", "my", "your", "our")
 
 
@@ -189,38 +196,38 @@ def _marked(rng: np.random.Generator, target: Target, said: str, related: bool =
     kind = 1.0 if related else rng.random()
     if kind < 0.4:
         side, how = choice(rng, SIDES), rng.random()
-        if how < 0.3:
+        if how < 0.15:
             forms = [form for form in words(f"{side} said", "en") if rest != "one" or "the {}" not in form]
             return replace(target, side=side), choice(rng, forms).format(rest)
         if how < 0.6:
-            return replace(target, side=side), f"the {rest} {choice(rng, words(f'{side} behind', 'en'))}"
-        before = choice(rng, words(f"{side} before", "en"))
+            return replace(target, side=side), f"the {rest} {_way(rng, f'{side} behind', 'en')}"
+        before = _way(rng, f"{side} before", "en")
         alone = rest == "one" and before.endswith("st") and rng.random() < 0.3
         return replace(target, side=side), f"the {before}" if alone else f"the {before} {rest}"
     if kind < 0.52:
         rank, (side, other) = choice(rng, [*_RANKS]), choice(rng, (("left", "right"), ("right", "left")))
-        counted = choice(rng, words("counted", "en")).format(side, other)
+        counted = _way(rng, "counted", "en").format(side, other)
         if rng.random() < 0.2:
             return replace(target, side=side), f"the first {rest} {counted}"
         word = choice(rng, _RANKS[rank])
         often = "the {rank} {rest} {counted}"
-        form = often if rng.random() < 0.7 else choice(rng, words("ranked said", "en"))
+        form = often if rng.random() < 0.7 else _way(rng, "ranked said", "en")
         said = form.format(rank=word, rest=rest, counted=counted, side=side)
         return replace(target, order=(rank, side)), said
     if kind < 0.62:
-        return replace(target, reference="other"), choice(rng, words("other said", "en")).format(rest)
+        return replace(target, reference="other"), _way(rng, "other said", "en").format(rest)
     relation = choice(rng, RELATIONS)
     things = [draw_thing(rng, plain=True) for _ in range(2 if relation == "between" else 1)]
     marks = tuple(Landmark(thing.target.name, thing.target.colour) for thing in things)
-    joined = choice(rng, words("joined", "en")) if rng.random() < 0.7 else ""
+    joined = _way(rng, "joined", "en") if rng.random() < 0.7 else ""
     landmarks = " and ".join(thing.texts["dative"] for thing in things)
-    place = choice(rng, words(relation, "en"))
+    place = _way(rng, relation, "en")
     if place.endswith(" than"):
         # Else "push the mug further left than the can" would be a place to go to.
         joined = joined or "that is"
     start = f"the {rest} {joined}"
-    if rest == "one" and rng.random() < 0.4:
-        start = choice(rng, words("nameless", "en"))
+    if rest == "one" and rng.random() < 0.15:
+        start = _way(rng, "nameless", "en")
     said = " ".join(f"{start} {place} {landmarks}".split())
     return replace(target, relation=Relation(relation, marks)), said
 
@@ -276,20 +283,20 @@ def _german_marks(
     kind = 1.0 if related else rng.random()
     if kind < 0.22:
         side = choice(rng, SIDES)
-        return Target(side=side), [choice(rng, words(f"{side} before", "de")) + ending], ""
+        return Target(side=side), [_way(rng, f"{side} before", "de") + ending], ""
     if kind < 0.3:
         side = choice(rng, SIDES)
-        how = f"{choice(rng, words(f'{side} standing', 'de'))} {choice(rng, _STANDING_DE)}{ending}"
+        how = f"{_way(rng, f'{side} standing', 'de')} {choice(rng, _STANDING_DE)}{ending}"
         return Target(side=side), [how], ""
     if kind < 0.45:
         side = choice(rng, SIDES)
         if rng.random() < 0.25:
-            return Target(side=side), [], _clause(rng, gender, choice(rng, words(f"{side} standing", "de")))
-        return Target(side=side), [], choice(rng, words(f"{side} behind", "de"))
+            return Target(side=side), [], _clause(rng, gender, _way(rng, f"{side} standing", "de"))
+        return Target(side=side), [], _way(rng, f"{side} behind", "de")
     if kind < 0.57:
         rank, (side, other) = choice(rng, [*_RANKS_DE]), choice(rng, (("left", "right"), ("right", "left")))
         way = _SIDES_DE[side]
-        counted = choice(rng, words("counted", "de")).format(way, _SIDES_DE[other], f"{way[:-1]}en")
+        counted = _way(rng, "counted", "de").format(way, _SIDES_DE[other], f"{way[:-1]}en")
         if rng.random() < 0.2:
             return Target(side=side), [f"erst{ending}"], counted
         if rng.random() < 0.15:
@@ -300,7 +307,7 @@ def _german_marks(
     relation = choice(rng, RELATIONS)
     things = [draw_german_thing(rng, "dative", plain=True) for _ in range(2 if relation == "between" else 1)]
     landmarks = tuple(Landmark(thing.target.name, thing.target.colour) for thing in things)
-    how = f"{choice(rng, words(relation, 'de'))} {' und '.join(thing.texts['dative'] for thing in things)}"
+    how = f"{_way(rng, relation, 'de')} {' und '.join(thing.texts['dative'] for thing in things)}"
     marks = Target(relation=Relation(relation, landmarks))
     if rng.random() < 0.15:
         return marks, [f"{how} {choice(rng, _STANDING_DE)}{ending}"], ""
@@ -309,7 +316,7 @@ def _german_marks(
 
 def _clause(rng: np.random.Generator, gender: Gender, where: str) -> str:
     """Where a thing is, said in a German clause."""
-    return choice(rng, words("clause", "de")).format(DEFINITE["nominative"][gender][0], where)
+    return _way(rng, "clause", "de").format(DEFINITE["nominative"][gender][0], where)
 
 
 @dataclass(frozen=True)
