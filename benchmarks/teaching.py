@@ -86,7 +86,12 @@ def others(names: list[str], name: str, count: int, random: np.random.Generator)
 def attempt(
     eyes: Eyes, detector: ZeroShotDetector, name: str, random: np.random.Generator
 ) -> tuple[bool, bool, bool]:
-    """Teach a thing from one look; whether it is found and listed where it is, and not found elsewhere."""
+    """Teach a thing from one look.
+
+    Returns:
+        Whether it is found where it is; whether it is listed there; and whether it is not found in a scene
+        without it.
+    """
     detector.taught = TaughtThings("benchmark")
     scene = eyes.look([name, *others(eyes.names, name, 2, random)], random)
     shown = scene.at(*eyes.point_at(name, random))

@@ -203,8 +203,8 @@ class Scene:
         """
         found = self._proposed.things(self._detector.threshold)
         best = found.score.argmax(dim=1).tolist()
-        taught = [label for label, name in enumerate(self._labels) if name in self.taught]
-        for label in taught if best else ():
+        taught = {*self.taught} if best else set[str]()
+        for label in (label for label, name in enumerate(self._labels) if name in taught):
             place = int(found.score[:, label].argmax())
             if found.score[place, label] >= self._detector.threshold:
                 best[place] = label

@@ -50,8 +50,7 @@ def draw_example(rng: np.random.Generator, kinds: Kinds) -> Example:
     formal answer.
     """
     draws, shares = zip(*kinds.values(), strict=True)
-    draw: Callable[[np.random.Generator], Example] = draws[int(rng.choice(len(draws), p=shares))]
-    return draw(rng)
+    return choice(rng, draws, shares)(rng)
 
 
 class Examples(IterableDataset[Example]):

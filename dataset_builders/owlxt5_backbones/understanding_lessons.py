@@ -93,15 +93,14 @@ def draw_lesson(rng: np.random.Generator) -> tuple[str, str]:
 def draw_understood(rng: np.random.Generator) -> tuple[str, Answer]:
     """Draw a sentence and what it asks for."""
     while True:
-        kinds, shares = zip(*SHARES.items(), strict=True)
-        kind = kinds[int(rng.choice(len(kinds), p=shares))]
+        kind = choice(rng, [*SHARES], [*SHARES.values()])
         language = "de" if rng.random() < _SHARE_GERMAN else "en"
         found = frame_book().frames.get((kind, language))
         if not found:
             continue
         # Files have different authors. The few frames of one are not to drown in the many of another.
         weights = np.sqrt([len(frames) for frames in found])
-        frames = found[int(rng.choice(len(found), p=weights / weights.sum()))]
+        frames = choice(rng, found, (weights / weights.sum()).tolist())
         frame = choice(rng, choice(rng, frames))
         filling = _Filling(rng, frame, language)
         sentence, answer = _as_people_write(rng, filling.sentence, filling.answer, language)

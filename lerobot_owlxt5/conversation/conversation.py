@@ -303,13 +303,11 @@ class Conversation:
         # A question about one of several landmarks is none about the target.
         if request is None or request.actions[0].target.relation:
             return
-        action, *later = request.actions
         if self._response.endswith("?"):
             self._open = Open("which", request)
-        elif other := self._respelt(action.target):
-            meant = replace(action, target=other)
-            self._open = Open("whether", Request((meant, *later)))
-            self._say(did_you_mean(meant))
+        elif (other := self._respelt(request.actions[0].target)) and (meant := instruction.request(other)):
+            self._open = Open("whether", meant)
+            self._say(did_you_mean(meant.actions[0]))
 
     def _respelt(self, target: Target) -> Target | None:
         """What is seen and has nearly the name of a target that is not seen; None if nothing has."""
