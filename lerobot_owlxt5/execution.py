@@ -7,7 +7,7 @@ from enum import StrEnum
 import torch
 from torch import Tensor
 
-from .commands.answer import Target
+from .commands.answer import Request, Target
 from .commands.happened import Change
 from .commands.instruction import Instruction
 from .commands.replies import MOVEMENT_OVER
@@ -74,6 +74,14 @@ class Execution:
     def came_home(self) -> bool:
         """Whether the arms have just gone home, to begin there."""
         return self._ended and self.next is Next.PLAN
+
+    @property
+    def request(self) -> Request | None:
+        """What it was asked for, and what comes after it; None where nothing is to be moved.
+
+        The thing has the name under which it was found. Before that, "it" is what was spoken of before.
+        """
+        return self.instruction.request(self.spoken_of if self.movement else None)
 
     @property
     def succeeded(self) -> bool:

@@ -262,7 +262,7 @@ class Conversation:
             return None
         if execution is None or execution.task != self._task:  # it has not begun
             return self._last
-        return execution.instruction.request(execution.spoken_of)
+        return execution.request
 
     def _hear_policy(self) -> None:
         """Pass on what the policy says, and note what it means."""
@@ -319,7 +319,7 @@ class Conversation:
     def _again(self, execution: Execution) -> bool:
         """Begin once more, if a thing was seen not to have moved, and it is the first time."""
         unmoved = execution.change is not None and execution.change.way == ""
-        request = execution.instruction.request(execution.spoken_of)
+        request = execution.request
         if self._tried_again or not unmoved or request is None:
             return False
         self._tried_again = True
