@@ -47,7 +47,7 @@ from .understanding_grammar import (
     draw_thing,
 )
 
-HELD_OUT = tuple(f"held_out_sentences{part}.tsv" for part in ("", "_2", "_3", "_4", "_5", "_6"))
+HELD_OUT = tuple(f"held_out_sentences{part}.tsv" for part in ("", "_2", "_3", "_4", "_5", "_6", "_7"))
 """Files of sentences to measure on."""
 SHARES = {
     **{"wish": 0.26, "two": 0.11, "correction": 0.04, "forbidden": 0.09, "conditional": 0.06},
