@@ -2,8 +2,9 @@
 """What has been run of a plan, and what has not: the figures that a report shows."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 from nico_tabletop.scoring import Outcome
@@ -120,26 +121,27 @@ class Book:
     def outcomes(self) -> dict[str, Counter[str]]:
         """Outcomes by policy, objects and pretrained models, each from the most demonstrations."""
         bars = {}
-        for objects in OBJECTS:
-            for policy in policies(self.small, "outcomes"):
-                for column in (Column.HUB, Column.EMBEDDED, Column.NONE):
-                    wanted = Wanted("outcomes", policy, objects, self.largest(column, policy))
-                    if found := self.find(wanted, column):
-                        bars[f"{title_of(policy)}\n{objects}\n{column}"] = count_outcomes(found)
+        for objects, policy, column in self._in_one_column():
+            wanted = Wanted("outcomes", policy, objects, self.largest(column, policy))
+            if found := self.find(wanted, column):
+                bars[f"{title_of(policy)}\n{objects}\n{column}"] = count_outcomes(found)
         return bars
 
     def curves(self) -> dict[str, dict[str, dict[int, Share]]]:
         """Success by objects, by policy and pretrained models, and by the number of demonstrations."""
         curves: dict[str, dict[str, dict[int, Share]]] = {}
-        for objects in OBJECTS:
-            for policy in policies(self.small, "outcomes"):
-                for column in (Column.HUB, Column.EMBEDDED, Column.NONE):
-                    for number in self.numbers():
-                        if found := self.find(Wanted("outcomes", policy, objects, number), column):
-                            share = share_of(count_outcomes(found), *SUCCESS)
-                            title = f"{title_of(policy)}, {column}"
-                            curves.setdefault(objects, {}).setdefault(title, {})[number] = share
+        for objects, policy, column in self._in_one_column():
+            for number in self.numbers():
+                if found := self.find(Wanted("outcomes", policy, objects, number), column):
+                    share = share_of(count_outcomes(found), *SUCCESS)
+                    title = f"{title_of(policy)}, {column}"
+                    curves.setdefault(objects, {}).setdefault(title, {})[number] = share
         return curves
+
+    def _in_one_column(self) -> Iterator[tuple[str, str, Column]]:
+        """Objects, policies, and columns in which a figure of them may stand."""
+        columns = Column.HUB, Column.EMBEDDED, Column.NONE
+        return product(OBJECTS, policies(self.small, "outcomes"), columns)
 
     def cells(self) -> dict[str, dict[str, Share]]:
         """Shares of each perturbation's cell, by policy, objects and pretrained models."""

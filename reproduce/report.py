@@ -150,7 +150,8 @@ def _efficiency(book: Book, drawn: dict[str, str] | None) -> list[str]:
         "Success is perfect or successful. All demonstrations are of cubes. A policy takes the same number "
         "of steps, however many demonstrations it has. Episodes of several seeds are pooled. "
         "`motion_library` learns from none, and is the dashed line. LeRobot's ACT reads no command, so it "
-        "cannot know which of the twelve actions is asked for.",
+        "cannot know which of the twelve actions is asked for. `early_fusion` is RT-2's way without RT-2's "
+        "pre-training.",
         *_made_with(book, "outcomes", policies(book.full, "outcomes")),
     ]
 

@@ -332,8 +332,9 @@ def test_a_report_of_nothing_says_what_to_run(outputs: Path) -> None:
         assert row[3] == row[6] == "not run: `make reproduce SIZE=hub`"
         assert row[4] == row[7] == "not run: `make reproduce SIZE=quick`"
     efficiency = rows(section(text, "Data efficiency"))
-    act = next(row for row in efficiency if row[1].startswith("act"))
-    assert {*act[2:]} == {"not run: `make reproduce SIZE=full`"}
+    for rival in ("act", "early_fusion"):
+        row = next(row for row in efficiency if row[1].startswith(rival))
+        assert {*row[2:]} == {"not run: `make reproduce SIZE=full`"}
     owlxt5 = next(row for row in efficiency if row[:2] == ["clant", "OWLxT5, embedded backbones, or none"])
     assert [cell[-6:-1] for cell in owlxt5[2:]] == ["quick", "quick", "quick", "=full", "=full"]
     assert "not run" in section(text, "Perturbations")

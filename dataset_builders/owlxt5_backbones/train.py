@@ -64,7 +64,7 @@ class BackbonesConfig:
     steps: int | None = None
     # Images, or sentences, in a step.
     batch_size: int | None = None
-    # Highest learning rate, of AdamW or the detector's Muon; it warms up and then falls with a cosine.
+    # Highest learning rate, of Muon; it warms up and then falls with a cosine.
     learning_rate: float | None = None
     # Images to render for the detector; each is seen several times, never with the same queries.
     images: int = 30_000

@@ -16,6 +16,9 @@ MOST_TOKENS = 96
 MOST_NAME_TOKENS = 24
 # Names that somebody speaks of come up again and again.
 _REMEMBERED_NAMES = 256
+# One word in so many may be unknown: in a long sentence it is a reason or a story. In a short one it may turn
+# what is asked for: "push the ball tonight".
+_WORDS_TO_AN_UNKNOWN_ONE = 8
 NOT_UNDERSTOOD = Request((Action(None, Target()),))
 """Everything has to be asked back."""
 
@@ -27,7 +30,8 @@ class Understood(NamedTuple):
         answer: What it asks for.
         confidence: Mean probability of the answer's tokens, in [0, 1]. Long names make the whole one small.
         sure: Whether that is enough to act on.
-        unknown: Words that are neither in the answer nor in what wishes have; with one, nothing is sure.
+        unknown: Words that are neither in the answer nor in what wishes have. With one in a short sentence,
+            or with several, nothing is sure.
     """
 
     answer: Answer
@@ -72,12 +76,12 @@ class Understanding:
             return Understood(NOT_UNDERSTOOD, 0.0, False)
         # Without the constraint: where the model would have said something else, it is not sure.
         confidence = float(self._language.confidence(encoding, mask, [text]))
+        words = said_words(sentence)
         unknown = tuple(
-            word
-            for word in left_over(said_words(sentence), answer)
-            if self.words is not None and word not in self.words
+            word for word in left_over(words, answer) if self.words is not None and word not in self.words
         )
-        return Understood(answer, confidence, confidence >= self.threshold and not unknown, unknown)
+        known = len(unknown) <= len(words) // _WORDS_TO_AN_UNKNOWN_ONE
+        return Understood(answer, confidence, known and confidence >= self.threshold, unknown)
 
     def _in_english(self, name: str) -> str:
         """What a thing is called in English, or the name itself if it has no German name's form."""
