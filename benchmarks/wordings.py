@@ -142,7 +142,6 @@ class World:
         self._policy = OWLxT5Policy.from_pretrained(config.policy)
         if config.understanding:
             self._policy.config.understanding = config.understanding
-            self._policy.config.understanding_revision = None
         self._steps = make_pre_post_processors(self._policy.config, config.policy)
         self._env = TabletopEnv("PUSH-L", objects=config.objects)
         self._seed = config.seed

@@ -39,6 +39,7 @@ class AutoencoderFeatures(nn.Module):
         self._camera = camera
         self._steps = max_episode_steps
         self._cache: dict[int, Tensor] = {}
+        self._is_scaled = False
 
     def can_read(self, names: Sequence[str]) -> bool:
         """See `VisualEncoder`: no name is looked for."""
@@ -72,8 +73,10 @@ class AutoencoderFeatures(nn.Module):
                 episode: self.autoencoder.encode_frames(images)[step.clamp(max=len(images) - 1)]
                 for episode, images in frames
             }
+        if self.training and not self._is_scaled:
             first = torch.stack([features[0] for features in self._cache.values()])
             self.lowest, self.highest = first.amin(dim=0), first.amax(dim=0)
+            self._is_scaled = True
         seen = self._input(torch.stack([self._cache[episode] for episode in indices]))
         if not self.training:
             return seen

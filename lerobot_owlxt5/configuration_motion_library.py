@@ -16,8 +16,9 @@ from .table_view import TableView
 class MotionLibraryConfig(OWLxT5Config):
     """Configuration of motion_library, which learns nothing: detector, camera geometry, solved motions.
 
-    Of the options that it has in common with owlxt5, those on detector, understanding, camera and
-    `max_episode_steps` count; there is no network and no training that the others could change. The camera's
+    Of the options that it has in common with owlxt5, those on detector, understanding, camera,
+    `max_episode_steps` and `replan_every` count. There is no network and no training that others could
+    change. `object_point` and `aim_nearer` are refused: `object_depth` says where it aims. The camera's
     numbers are those of NICO's `eyes` in the world of `--env.type=clant`, computed from its MuJoCo model; a
     test compares them.
 
@@ -43,6 +44,11 @@ class MotionLibraryConfig(OWLxT5Config):
     object_depth: float = 0.0296
 
     def __post_init__(self) -> None:
+        if self.object_point != FOOT or self.aim_nearer:
+            raise ValueError(
+                "motion_library aims by --policy.object_depth: leave --policy.object_point and "
+                "--policy.aim_nearer out."
+            )
         self.nadir = self._view(1.0).nadir
         super().__post_init__()
 

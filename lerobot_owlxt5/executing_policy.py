@@ -205,7 +205,7 @@ class ExecutingPolicy(PreTrainedPolicy):
             At least one sentence.
 
         Raises:
-            ValueError: If the batch is of several robots, or has other joints than in training.
+            ValueError: If the batch is of several robots.
         """
         self._begin("execute")
         query = Query.of(batch)
@@ -289,15 +289,15 @@ class ExecutingPolicy(PreTrainedPolicy):
         plans = self.model.plan(prompts, features, still(poses), self.config.max_episode_steps)
         executions = []
         for sample, (task, instruction, pose) in enumerate(zip(tasks, instructions, poses, strict=True)):
-            known = (task, instruction, pose)
+            known, execution = (task, instruction, pose), last[sample]
             if goes_home[sample]:
-                execution = last[sample]
                 way = (
                     execution.way_home(pose, self.rest_pose) if execution else straight(pose, self.rest_pose)
                 )
                 executions.append(Execution(*known, way, GOING_HOME, before[sample], Next.PLAN))
             elif obstacle := instruction.obstacle(seen[sample].problem, far[sample]):
-                executions.append(Execution(*known, pose[None], obstacle, before[sample]))
+                came = execution.way_here(pose) if execution else None
+                executions.append(Execution(*known, pose[None], obstacle, before[sample], came=came))
             else:
                 name = seen[sample].name
                 spoken = spoken_of(instruction.target, name)

@@ -50,6 +50,8 @@ class Execution:
         step: How many steps are done.
         change: What was seen to have happened; None before the report, or if nobody can compare.
         moved: What the robot has moved, now or before, each thing where it was seen then.
+        came: (steps, joints), how the arms came from home to where the path begins; None if
+            that is home, or not known.
     """
 
     task: str | None
@@ -64,6 +66,7 @@ class Execution:
     step: int = 0
     change: Change | None = None
     moved: Moved = ()
+    came: Tensor | None = None
 
     @property
     def waits(self) -> bool:
@@ -125,22 +128,50 @@ class Execution:
     def way_home(self, pose: Tensor, home: Tensor) -> Tensor:
         """How to get home, (steps, joints): back as the robot came, if it is where the path has led it.
 
+        Who is on its way home already goes on with that.
+
         Args:
             pose: (joints,), where the robot is.
             home: (joints,), where movements begin.
         """
-        done = torch.cat([self.start[None], self.path[: self.step]])
-        if (pose - done[-1]).abs().max() > _ON_ITS_PATH:
+        if not self._is_at(pose):
             return straight(pose, home)
-        return torch.cat([way_out(done), straight(self.start, home)])
+        if self._goes_home:
+            return torch.cat([self.path[self.step :], straight(self.path[-1], home)])
+        done = self._done
+        return torch.cat([way_out(done), straight(done[0], home)])
+
+    def way_here(self, pose: Tensor) -> Tensor | None:
+        """How the arms came from home to a pose (joints,), (steps, joints); None if that is not known."""
+        return self._done if self._is_at(pose) and not self._goes_home else None
+
+    @property
+    def _done(self) -> Tensor:
+        """All poses since the arms were at home, (steps, joints)."""
+        here = torch.cat([self.start[None], self.path[: self.step]])
+        return here if self.came is None else torch.cat([self.came, here])
+
+    @property
+    def _goes_home(self) -> bool:
+        """Whether what is left of the path leads home."""
+        return self.next is Next.PLAN or 0 < self.movement <= self.step
+
+    def _is_at(self, pose: Tensor) -> bool:
+        """Whether a robot in a pose (joints,) is where the path has led it."""
+        return bool((pose - self._done[-1]).abs().max() <= _ON_ITS_PATH)
 
     def change_plan(self, plan: Tensor, memory: Memory) -> None:
-        """Pass over to another plan (L, joints) of the same start: the thing is elsewhere now."""
+        """Pass over to another plan (L, joints) of the same start: the thing is elsewhere now.
+
+        A plan that is over by now, as of a thing that is out of reach, changes nothing.
+        """
         old = self.path[self.step - 1] if self.step else self.start
         movement, back = _path_of(self.start, plan)
+        if len(movement) <= self.step:
+            return
         rest = movement[self.step :]
         share = torch.arange(1, len(rest) + 1, device=rest.device)[:, None] / BLEND_STEPS
-        rest = torch.lerp(rest + (old - movement[self.step - 1]), rest, share.clamp(max=1.0))
+        rest = torch.lerp(rest + (old - movement[self.step - 1]), rest, share.clamp(max=1.0)).clamp(-1.0, 1.0)
         self.path = torch.cat([self.path[: self.step], rest, back])
         self.movement, self.memory = len(movement), memory
 

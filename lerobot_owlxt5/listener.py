@@ -4,6 +4,7 @@
 from collections.abc import Sequence
 from functools import cached_property
 
+from .backbones.pretrained import EMBEDDED
 from .backbones.understanding import Understanding, Understood
 from .commands.answer import Action, Request, Target
 from .commands.instruction import Instruction, TaskReader, target_of
@@ -72,6 +73,9 @@ class Listener:
         config = self._config
         if config.understanding == NO_UNDERSTANDING:
             return None
+        if config.understanding == EMBEDDED:
+            # Nothing was trained with it, so a checkpoint takes what the installed package has.
+            return Understanding(EMBEDDED)
         understanding = Understanding(config.understanding, config.understanding_revision)
         config.understanding_revision = understanding.revision
         return understanding

@@ -89,11 +89,15 @@ class CrossmodalPolicy(ExecutingPolicy):
 
         Raises:
             RuntimeError: If parameters are missing or unknown; it names them.
-            ValueError: If the checkpoint's parameters mean something else in this version.
+            ValueError: If it holds another policy, or its parameters mean something else in this version.
         """
         if config is None:
             config = PreTrainedConfig.from_pretrained(pretrained_name_or_path, **kwargs)
-        assert isinstance(config, CrossmodalConfig)
+        if not isinstance(config, cls.config_class):
+            raise ValueError(
+                f"{pretrained_name_or_path} holds the policy '{config.type}', not '{cls.name}': load it with "
+                "the class of that policy."
+            )
         config.check_core_version(str(pretrained_name_or_path))
         return super().from_pretrained(pretrained_name_or_path, config=config, strict=strict, **kwargs)
 
@@ -180,7 +184,7 @@ class CrossmodalPolicy(ExecutingPolicy):
             labels: Names of the objects that may have been moved; by default those of the training tasks.
 
         Returns:
-            One description per sample, `NOTHING_MOVED` or `NOTHING_KNOWN` (`commands.instruction`).
+            One description per sample, `NOTHING_MOVED` or `NOTHING_KNOWN` (`commands.replies`).
 
         Raises:
             ValueError: If a label is too long, or there is none.

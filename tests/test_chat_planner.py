@@ -193,6 +193,7 @@ def test_what_must_not_be_done_is_not_even_asked_about(
         sure_of("push", None),
         sure_of("push", "pull", thing="can"),
         sure_of("push", "pull", thing="cube"),
+        Understood(Request((Action("push", Target(side="left")), Action("pull", Target("can")))), 1.0, True),
         Understood(Hold("beyond"), 1.0, True),
         Understood(Hold("not_an_action"), 1.0, True),
         Understood(Question("scene"), 1.0, True),

@@ -124,6 +124,61 @@ def test_a_new_task_in_mid_movement_sends_the_arms_back_as_they_came(t5: Path) -
     assert nearest.max() <= there_and_back.diff(dim=0).norm(dim=1).max() / 2 + 1e-5
 
 
+def test_who_is_on_its_way_home_goes_on_with_it_whatever_is_asked(t5: Path) -> None:
+    """It must not go back to the thing first."""
+    ways = []
+    for tasks in (["pull ball"], ["pull ball", "push mug"]):
+        policy = long_movements(make_policy(t5, tasks=["push red"]))
+        batch = observe(["push red"])
+        policy.rest_pose = batch["observation.state"][0].clone()
+        policy.rest_tolerance = torch.full((10,), 0.001)
+        way = [policy.select_action(batch)[0] for _ in range(6)]
+        for step in range(1000):
+            task = tasks[min(step, len(tasks) - 1)]
+            there = batch | {"observation.state": way[-1][None], "task": [task]}
+            way.append(policy.select_action(there)[0])
+            if not policy.responses[0].startswith("I move"):
+                break
+        ways.append(torch.stack(way[:-1]))
+    straight_home, asked_again = ways
+    torch.testing.assert_close(asked_again[: len(straight_home)], straight_home)
+    torch.testing.assert_close(asked_again[len(straight_home) :], asked_again[-1:].expand(1, -1))
+
+
+def test_a_question_in_mid_movement_does_not_make_it_forget_how_the_arms_came(t5: Path) -> None:
+    ways = []
+    for tasks in (["pull ball"], ["push nothing that is there", "pull ball"]):
+        policy = long_movements(make_policy(t5, tasks=["push red"]))
+        batch = observe(["push red"])
+        policy.rest_pose = batch["observation.state"][0].clone()
+        policy.rest_tolerance = torch.full((10,), 0.001)
+        here, way = [policy.select_action(batch)[0] for _ in range(6)][-1], []
+        for task in tasks:
+            there = batch | {"observation.state": here[None], "task": [task]}
+            way = [policy.select_action(there)[0]]
+        while policy.responses[0].startswith("I move"):
+            way.append(policy.select_action(there | {"observation.state": way[-1][None]})[0])
+        ways.append(torch.stack(way[:-1]))
+    at_once, after_a_question = ways
+    torch.testing.assert_close(at_once[-1], after_a_question[-1])
+    assert torch.cdist(after_a_question, at_once).amin(dim=1).max() < 0.02
+
+
+def test_a_plan_that_is_over_by_now_is_not_passed_over_to(t5: Path) -> None:
+    """As that of a rival whose thing is out of reach now."""
+    policy = long_movements(make_policy(t5))
+    for _ in range(5):
+        policy.select_action(observe(["push red"]))
+    [execution] = policy.executions
+    assert execution is not None and execution.memory is not None
+    path = execution.path.clone()
+    execution.change_plan(execution.start.expand(12, -1), execution.memory)
+    assert torch.equal(execution.path, path)
+    execution.change_plan(torch.linspace(-1, 1, 12)[:, None].expand(-1, 10), execution.memory)
+    assert not torch.equal(execution.path, path)
+    assert execution.path.abs().max() <= max(1.0, path.abs().max())
+
+
 def test_a_thing_that_is_moved_aside_is_followed(t5: Path) -> None:
     usual, follows = (long_movements(make_policy(t5, replan_every=every)) for every in (0, 2))
     before = observe(["push red"])

@@ -190,6 +190,12 @@ def test_a_saved_checkpoint_moves_the_same(boxes: NDArray[np.float64], tmp_path:
     assert actions[0].std(dim=0).amax() > 10
 
 
+@pytest.mark.parametrize("option", [{"aim_nearer": 0.0175}, {"object_point": "centre"}])
+def test_where_it_aims_has_one_option(option: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"aims by --policy\.object_depth"):
+        MotionLibraryConfig(**option)
+
+
 def test_it_cannot_be_trained() -> None:
     policy, *_ = make()
     for train in (policy.get_optim_params, lambda: policy({})):

@@ -12,6 +12,7 @@ from transformers import AutoModelForSeq2SeqLM, AutoTokenizer
 from lerobot_owlxt5.backbones import small_t5 as backbones
 from lerobot_owlxt5.backbones.language_model import SplitT5
 from lerobot_owlxt5.backbones.zero_shot import ZeroShotDetector
+from lerobot_owlxt5.modeling_crosst5 import CrossT5Policy
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 from policy_helpers import EYES, make_config, make_dataset, make_owlv2, make_policy, make_t5, observe
 
@@ -219,6 +220,32 @@ def test_a_checkpoint_notes_which_embedded_detector_it_was_trained_with(t5: Path
     (tmp_path / "config.json").write_text(json.dumps(config))
     with pytest.raises(ValueError, match=r"another embedded detector \(0{12}\).*train again"):
         OWLxT5Policy.from_pretrained(tmp_path)
+
+
+def test_another_backbone_is_not_asked_for_the_revision_of_the_one_that_it_replaces(
+    t5: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_OFFLINE", True)
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path / "cache"))
+    cache(tmp_path / "cache", "some/owlv2", make_owlv2(tmp_path / "owlv2"), "2" * 40)
+    make_policy(t5, detector="embedded").save_pretrained(tmp_path / "embedded")
+    from_the_hub = load(tmp_path / "embedded", ["--detector=some/owlv2"])
+    assert from_the_hub.config.detector_revision == "2" * 40
+    from_the_hub.save_pretrained(tmp_path / "hub")
+    assert len(load(tmp_path / "hub", ["--detector=embedded"]).config.detector_revision or "") == 12
+
+
+@pytest.mark.parametrize("name", ["./nowhere", "outputs/my/owl", "/no/such/folder"])
+def test_a_folder_that_is_not_there_is_named(t5: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_OFFLINE", True)
+    with pytest.raises(OSError, match=rf"--policy\.detector={name} \(revision main\) because"):
+        make_policy(t5, detector=name)
+
+
+def test_a_checkpoint_of_another_policy_is_refused(t5: Path, tmp_path: Path) -> None:
+    make_policy(t5).save_pretrained(tmp_path)
+    with pytest.raises(ValueError, match=r"holds the policy 'owlxt5', not 'crosst5'"):
+        CrossT5Policy.from_pretrained(tmp_path)
 
 
 def load(checkpoint: Path, overrides: list[str]) -> OWLxT5Policy:

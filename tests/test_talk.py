@@ -3,6 +3,7 @@
 
 import asyncio
 import io
+import json
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -12,8 +13,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
+from lerobot_owlxt5.backbones.appearance import Appearance
+from lerobot_owlxt5.object_point import ObjectPoint
+from lerobot_owlxt5.trained import find_policy
 from nico_tabletop.nico_sim import NicoSim
 from owlxt5_talk import show
 from owlxt5_talk.policies import policy_maker
@@ -43,6 +48,7 @@ class PlainWorld:
 
     def lay(self, table: Table) -> None:
         self.table, self.conversation = table, EchoConversation(robot=None)  # type: ignore[arg-type]
+        self.hear, self.stop = self.conversation.hear, self.conversation.stop
 
     def tick(self) -> None:
         pass
@@ -139,6 +145,17 @@ def test_somebody_shows_a_movement() -> None:
     assert heard == ["watch me", "done"]
     moved = np.abs(after - before).max(axis=1) > 0.03
     assert moved.sum() == 1
+
+
+def test_stop_also_stops_what_was_about_to_be_shown() -> None:
+    world = World(EchoConversation, Table(), seed=2)
+    for interrupt in (world.stop, world.home, lambda: world.hear("hello")):
+        world.show()
+        interrupt()
+        for _ in range(40):
+            world.tick()
+    world.close()
+    assert "watch me" not in [line.text for line in world.conversation.lines]
 
 
 def test_pointing_is_told_in_shares_of_the_picture() -> None:
@@ -337,6 +354,42 @@ def test_a_broken_file_of_taught_things_ends_in_one_sentence(
     with pytest.raises(SystemExit, match=r"^owlxt5-talk: \S*things is no file of taught things[^\n]*$"):
         cli.main()
     assert (tmp_path / "things").read_text() == "no tensors"
+
+
+def test_who_comes_later_knows_what_others_have_taught(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["owlxt5-talk"])
+    make = policy_maker(tmp_path / "things")
+    (one, _), look = make(), Appearance(torch.ones(4), torch.ones(3))
+    for policy in (one, make()[0]):
+        assert isinstance(policy.visual, ObjectPoint) and policy.visual.detector.taught is not None
+        if policy is one:
+            policy.visual.detector.taught.add("trophy", look)
+        assert [*policy.visual.detector.taught] == ["trophy"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"detector": "ground_truth"}, "sees the simulator's boxes, which this robot has not"),
+        ({"input_features": {}}, "sees no image, and this robot has observation.images.eyes alone"),
+    ],
+)
+def test_a_policy_that_cannot_see_what_the_robot_sees_is_refused(
+    change: dict[str, Any], message: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    config = json.loads((find_policy() / "config.json").read_text())
+    (tmp_path / "config.json").write_text(json.dumps(config | change))
+    monkeypatch.setattr(sys, "argv", ["owlxt5-talk", f"--policy.path={tmp_path}"])
+    with pytest.raises(ValueError, match=message):
+        policy_maker()
+
+
+def test_the_motion_library_takes_no_option_that_would_be_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["talk", "--policy.path=motion_library", "--policy.device=cuda"])
+    with pytest.raises(ValueError, match="takes no --device=cuda here"):
+        policy_maker()
 
 
 def test_each_visitor_has_a_policy_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:

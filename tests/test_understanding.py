@@ -2,6 +2,7 @@
 """What the embedded model makes of words, and what a policy does about it."""
 
 import time
+from copy import deepcopy
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,19 @@ def test_a_word_that_wishes_do_not_have_is_asked_about(understand: Understanding
     assert reply == "I do not know what 'tonight' means here. Did you mean: push the ball?"
 
 
+@pytest.mark.parametrize(
+    ("background", "sure"),
+    [("brought his theodolite along", True), ("and his quokka and his theodolite and his sextant", False)],
+)
+def test_a_long_sentence_may_have_a_word_that_wishes_do_not_have(
+    understand: Understanding, background: str, sure: bool
+) -> None:
+    understood = understand(f"my uncle {background} and there is no room left, so please push the ball away")
+    assert understood.answer == BALL
+    assert "theodolite" in understood.unknown
+    assert understood.sure == sure
+
+
 def test_wish_words_are_no_names(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(understanding_caution, "_WISHES", 2000)
     words = understanding_caution.find_wish_words(seed=1)
@@ -73,6 +87,7 @@ def test_wish_words_are_no_names(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_names_in_english(understand: Understanding) -> None:
     names = {"ball": "ball", "mug": "mug", "becher": "mug", "roten würfel": "red cube"}
     assert {name: understand.in_english(name) for name in names} == names
+    assert deepcopy(understand).in_english("ball") == "ball"
 
 
 @given(st.text(max_size=60))

@@ -2,9 +2,7 @@
 import os
 import subprocess
 import sys
-import tomllib
 from functools import partial
-from pathlib import Path
 
 import gymnasium as gym
 import mujoco
@@ -24,7 +22,6 @@ from nico_tabletop.simulation import JointTargetError, TabletopSimulation
 from nico_tabletop.tasks import EPISODE_STEPS, find_action
 
 CUBES = ("red", "green", "blue")
-ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
@@ -85,15 +82,6 @@ def test_mujoco_opens_the_scene_by_itself():
     np.testing.assert_allclose(np.rad2deg(model.jnt_range), joint_limits_deg(), rtol=1e-12)
     table = model.geom("table")
     assert table.pos[2] + table.size[2] == pytest.approx(TABLE_HEIGHT, abs=1e-9)
-
-
-def test_every_file_of_the_world_is_shipped():
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
-    folder = ROOT / settings["package-dir"]["nico_tabletop"]
-    shipped = {file for pattern in settings["package-data"]["nico_tabletop"] for file in folder.glob(pattern)}
-    files = {file for file in folder.rglob("*.*") if file.suffix not in (".py", ".pyc")}
-    assert files == shipped
-    assert {NICO_XML, SCENE_XML} <= shipped
 
 
 def test_an_arrangement_of_unknown_or_repeated_objects_is_refused(cubes: TabletopSimulation):

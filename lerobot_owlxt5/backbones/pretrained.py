@@ -2,6 +2,7 @@
 """Loading pretrained models: safetensors only, no remote code, and an error that says what to do."""
 
 import hashlib
+import re
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
@@ -13,6 +14,8 @@ from huggingface_hub import get_hf_file_metadata, hf_hub_url, try_to_load_from_c
 EMBEDDED = "embedded"
 """Name of the small backbones that are part of this package."""
 _CONFIG = "config.json"  # each model has one
+_DIGEST = 12
+"""Digits of the digest of embedded weights."""
 
 
 def find_backbone(
@@ -31,10 +34,11 @@ def find_backbone(
     Raises:
         ValueError: If a checkpoint was made with other embedded weights.
     """
+    revision = _own_revision(name, revision)
     if name != EMBEDDED:
         return name, revision
     folder = Path(str(files(__package__))) / "weights" / part
-    digest = hashlib.sha256((folder / "model.safetensors").read_bytes()).hexdigest()[:12]
+    digest = hashlib.sha256((folder / "model.safetensors").read_bytes()).hexdigest()[:_DIGEST]
     if revision not in (None, digest):
         raise ValueError(
             f"This checkpoint was trained with another embedded {part.replace('_', ' ')} ({revision}) than "
@@ -55,12 +59,13 @@ def check_backbones(backbones: Mapping[str, tuple[str, str | None]]) -> None:
         OSError: One for all that cannot be had, naming their flags.
     """
     missing = {}
-    for option, (name, revision) in backbones.items():
-        here = name == EMBEDDED or Path(name).is_dir()
-        if here or isinstance(try_to_load_from_cache(name, _CONFIG, revision=revision), str):
+    for option, (name, noted) in backbones.items():
+        revision = _own_revision(name, noted)
+        if name == EMBEDDED or Path(name).is_dir():
             continue
         try:
-            get_hf_file_metadata(hf_hub_url(name, _CONFIG, revision=revision))
+            if not isinstance(try_to_load_from_cache(name, _CONFIG, revision=revision), str):
+                get_hf_file_metadata(hf_hub_url(name, _CONFIG, revision=revision))
         except (OSError, ValueError, HTTPError) as error:
             reason = (str(error).strip() or type(error).__name__).partition("\n")[0].rstrip(".")
             missing[option] = f"--policy.{option}={name} (revision {revision or 'main'}) because: {reason}."
@@ -70,6 +75,12 @@ def check_backbones(backbones: Mapping[str, tuple[str, str | None]]) -> None:
             f"The policy's pretrained models cannot be had: {' '.join(missing.values())} Check names, "
             f"revisions and network, or give {instead}: what is embedded needs no network."
         )
+
+
+def _own_revision(name: str, revision: str | None) -> str | None:
+    """A revision, if it can be one of this backbone: another one's was noted before the name was changed."""
+    is_digest = re.fullmatch(f"[0-9a-f]{{{_DIGEST}}}", revision or "") is not None
+    return revision if is_digest == (name == EMBEDDED) else None
 
 
 def load_pretrained(

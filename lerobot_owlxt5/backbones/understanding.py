@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A language model that understands: from a sentence to a formal answer."""
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import torch
@@ -52,7 +51,6 @@ class Understanding:
             config.json, or 0.
         words: What wishes have beside names: the `wish_words` in its config.json. None: any word.
         revision: The Hub's commit, or the digest of embedded weights; None for a folder.
-        in_english: Says what a thing is called in English: the name itself if it has no German name's form.
     """
 
     def __init__(self, name: str, revision: str | None = None) -> None:
@@ -63,7 +61,7 @@ class Understanding:
         words = vars(config).pop("wish_words", None)
         self.words: frozenset[str] | None = None if words is None else frozenset(words)
         self.revision = self._language.revision
-        self.in_english = lru_cache(_REMEMBERED_NAMES)(self._in_english)
+        self._english: dict[str, str] = {}
 
     def __call__(self, sentence: str) -> Understood:
         """What a sentence asks for; `NOT_UNDERSTOOD` if the answer does not come to an end."""
@@ -83,11 +81,15 @@ class Understanding:
         known = len(unknown) <= len(words) // _WORDS_TO_AN_UNKNOWN_ONE
         return Understood(answer, confidence, known and confidence >= self.threshold, unknown)
 
-    def _in_english(self, name: str) -> str:
+    def in_english(self, name: str) -> str:
         """What a thing is called in English, or the name itself if it has no German name's form."""
-        encoding, mask = self._encode(name_in_english_prompt(name))
-        [english] = self._language.generate(encoding, mask, MOST_NAME_TOKENS)
-        return english or name
+        if name not in self._english:
+            if len(self._english) >= _REMEMBERED_NAMES:
+                self._english.clear()
+            encoding, mask = self._encode(name_in_english_prompt(name))
+            [english] = self._language.generate(encoding, mask, MOST_NAME_TOKENS)
+            self._english[name] = english or name
+        return self._english[name]
 
     def _encode(self, prompt: str) -> tuple[torch.Tensor, torch.Tensor]:
         return self._language.encode([prompt], torch.device("cpu"))

@@ -11,7 +11,7 @@ import logging
 from collections.abc import Mapping, Sequence
 
 from ..backbones.understanding import Understood
-from ..commands.answer import Action, Hold, Request
+from ..commands.answer import Action, Hold, Request, Target
 from ..commands.parser import with_article
 from ..commands.replies import HOLDS, in_words, listed
 from .chat_server import ChatServer, NotReachedError, UnusableError
@@ -24,6 +24,7 @@ URL, MODEL, KEY = "OWLXT5_PLANNER_URL", "OWLXT5_PLANNER_MODEL", "OWLXT5_PLANNER_
 """The environment variables."""
 WHETHER_HOME = "Should I move my arms back? If so, say: home."
 NOT_REACHED = "My planner does not answer, so I go by my own rules."
+_IT = Target(reference="it")
 _NEVER = ("forbidden", "conditional", "not_now")
 _PROMPT = """You plan for a robot with two arms at a table. Call tools; write nothing else.
 The robot sees, from left to right: {things}.
@@ -119,9 +120,15 @@ def _is_sure_of(planned: Request, understood: Understood, seen: Sequence[str]) -
 
 
 def _agree(own: Action, planned: Action, seen: Sequence[str]) -> bool:
-    """Whether a planned action is what was understood: what nothing seen is called may be anything seen."""
-    is_called = any(f" {own.target.phrase} " in f" {name} " for name in seen)
-    return own.verb == planned.verb and (own.target == planned.target or not is_called)
+    """Whether a planned action is what was understood.
+
+    "It", and a name alone that nothing seen is called by, may be anything seen; "the left one" may not.
+    """
+    name = own.target.phrase
+    is_called = any(f" {name} " in f" {thing} " for thing in seen)
+    plain = own.target == Target(name=own.target.name, colour=own.target.colour)
+    may_be_any = own.target == _IT or bool(name and plain and not is_called)
+    return own.verb == planned.verb and (own.target == planned.target or may_be_any)
 
 
 def _asked_first(request: Request) -> Say:

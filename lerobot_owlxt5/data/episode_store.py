@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 LANGUAGE_COLUMN = "language_persistent"
 SCALED_ALIKE = 1e-3
 """Largest difference between a pose that a preprocessor has scaled and the same in `EpisodeStore`."""
+_NEEDS_FILES = "The policy reads whole episodes from them: train without --dataset.streaming."
 
 
 @dataclass(frozen=True)
@@ -110,8 +111,8 @@ class EpisodeStore:
         episodes = batch["episode_index"].flatten().tolist()
         if missing := sorted({episode for episode in episodes if episode not in stored.row}):
             raise KeyError(
-                f"Episodes {missing} are in a batch, but their data files are not on this machine. The "
-                "policy reads whole episodes from them: train without --dataset.streaming."
+                f"Episodes {missing} are in a batch, but their data files are not on this machine. "
+                f"{_NEEDS_FILES}"
             )
         rows = torch.tensor([stored.row[episode] for episode in episodes])
         length = stored.length[rows]
@@ -215,6 +216,8 @@ class EpisodeStore:
                 lengths.append(int(end - start))
             actions.append(scaled)
             states.append(scaled_states)
+        if not lengths:
+            raise KeyError(f"No data file of the dataset is on this machine. {_NEEDS_FILES}")
         length = torch.tensor(lengths)
         firsts, all_states = length.cumsum(dim=0) - length, np.concatenate(states)
         first_poses = all_states[firsts.numpy()]

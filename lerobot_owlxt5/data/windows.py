@@ -100,7 +100,7 @@ def samples_at(batch: Mapping[str, Any], chosen: Sequence[int]) -> dict[str, Any
     return {
         key: value[[*chosen]] if isinstance(value, Tensor) else [value[index] for index in chosen]
         for key, value in batch.items()
-        if isinstance(value, Tensor | list)
+        if isinstance(value, Tensor | list | tuple)
     }
 
 

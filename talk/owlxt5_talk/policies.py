@@ -10,15 +10,19 @@ from huggingface_hub.errors import HFValidationError
 from lerobot.configs import FeatureType, parser
 from lerobot.envs.utils import env_to_policy_features
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+from lerobot.utils.constants import OBS_IMAGES
 
 import lerobot_policy_owlxt5  # noqa: F401  registers the policies and what their names must pass
 from lerobot_owlxt5 import MotionLibraryConfig, MotionLibraryPolicy
 from lerobot_owlxt5.backbones.taught import TaughtThings
 from lerobot_owlxt5.checkpoint import load_checkpoint, read_config
+from lerobot_owlxt5.configuration_owlxt5 import GROUND_TRUTH
 from lerobot_owlxt5.executing_policy import ExecutingPolicy
 from lerobot_owlxt5.object_point import ObjectPoint
 from lerobot_owlxt5.trained import find_policy, is_there
 from nico_tabletop.configuration import ClaeoEnvConfig
+
+_EYES = f"{OBS_IMAGES}.eyes"
 
 Processors = tuple[Any, Any]
 """LeRobot's preprocessor and postprocessor of a policy."""
@@ -47,7 +51,10 @@ def policy_maker(taught: Path | None = None) -> Callable[[], tuple[ExecutingPoli
     weights = {id(tensor): tensor for tensor in (*policy.parameters(), *policy.buffers())}
 
     def make() -> tuple[ExecutingPolicy, Processors]:
-        return deepcopy(policy, {**weights}), deepcopy(processors)
+        copied = deepcopy(policy, {**weights})
+        if taught is not None:
+            _keep(copied, taught)  # others may have taught it something since
+        return copied, deepcopy(processors)
 
     return make
 
@@ -72,11 +79,23 @@ def _load(path: Path) -> tuple[ExecutingPolicy, Processors]:
             f"--policy.path={path} holds the policy '{config.type}', which cannot hold a conversation; "
             "owlxt5, crosst5 and motion_library can"
         )
+    if getattr(config, "detector", None) == GROUND_TRUTH:
+        raise ValueError(
+            f"--policy.path={path} sees the simulator's boxes, which this robot has not: add "
+            "--policy.detector=embedded"
+        )
+    if _EYES not in config.image_features:
+        raise ValueError(
+            f"--policy.path={path} sees {', '.join(config.image_features) or 'no image'}, and this robot has "
+            f"{_EYES} alone"
+        )
     policy, *processors = load_checkpoint(config)
     return policy, (processors[0], processors[1])
 
 
 def _motion_library() -> tuple[ExecutingPolicy, Processors]:
+    if given := parser.get_cli_overrides("policy"):
+        raise ValueError(f"--policy.path={MotionLibraryPolicy.name} takes no {given[0]} here: leave it out")
     features = env_to_policy_features(ClaeoEnvConfig())
     config = MotionLibraryConfig(
         device="cpu",

@@ -60,7 +60,7 @@ class Visitor:
         """Say something to the robot; what is longer than it reads it refuses."""
         words = words.strip()[: MAX_CHARACTERS + 1]
         if words:
-            self._order(lambda world: world.conversation.hear(words))
+            self._order(lambda world: world.hear(words))
 
     def point(self, place: str) -> None:
         """Point at a place of the eyes' picture: two shares, such as "0.25 0.5"; other words are no place."""
@@ -71,7 +71,7 @@ class Visitor:
 
     def home(self) -> None:
         """Let the arms go home."""
-        self._order(lambda world: world.conversation.home())
+        self._order(lambda world: world.home())
 
     def show(self) -> None:
         """Let somebody move the arms, for the robot to watch."""
@@ -116,7 +116,7 @@ class Visitor:
                 if self._stops.is_set():
                     self._stops.clear()
                     self._forget_orders()
-                    world.conversation.stop()
+                    world.stop()
                 if self._scenes:
                     world.lay(self._scenes.pop())
                 if not self._orders.empty():

@@ -169,6 +169,21 @@ class World:
         self._things: tuple[Seen, ...] = ()
         self._shows, self._guided = False, list[np.ndarray]()
 
+    def hear(self, words: str) -> None:
+        """Hear what somebody says; a movement that was to be shown is shown no more."""
+        self._shows = False
+        self.conversation.hear(words)
+
+    def stop(self) -> None:
+        """Hold still at once, also where somebody was about to show a movement."""
+        self._shows = False
+        self.conversation.stop()
+
+    def home(self) -> None:
+        """Move the arms where movements begin, and no more."""
+        self._shows = False
+        self.conversation.home()
+
     def show(self) -> None:
         """Let somebody move the arms, and the robot watch, as soon as the arms are home."""
         self.conversation.home()
