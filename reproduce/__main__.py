@@ -2,7 +2,6 @@
 """`python -m reproduce --size=quick`, which is `make reproduce`."""
 
 import os
-import signal
 import sys
 from dataclasses import dataclass
 
@@ -12,7 +11,7 @@ from lerobot_owlxt5.command_line import command
 
 from .plan import Setting, read_plan, write_setting
 from .report import write_report
-from .run import RunError, run
+from .run import RunError, heed_signals, run
 
 _RELEASE = "OWLXT5_CLANT_DIR"
 
@@ -35,7 +34,7 @@ def main(config: ReproduceConfig) -> None:
     setting = Setting(source, "cuda" if torch.cuda.is_available() else "cpu")
     plan = read_plan(config.size, setting=setting)
     write_setting(plan, setting)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    heed_signals()
     console = Console()
     try:
         run(plan, console)

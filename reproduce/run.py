@@ -21,7 +21,8 @@ from .plan import ROOT, Plan, Step
 from .record import is_whole, read_record, write_record
 
 _CHECKPOINT = Path("checkpoints/last/pretrained_model/train_config.json")
-_GOES_ON = ("owlxt5-dataset", "python benchmarks/robustness.py")
+_DATASET = "owlxt5-dataset"
+_GOES_ON = (_DATASET, "python benchmarks/robustness.py")
 """Commands that go on by themselves where they were interrupted."""
 _GRACE = 20.0  # seconds that an interrupted command has to end
 _TICK = 0.5
@@ -35,7 +36,8 @@ class RunError(Exception):
 def next_command(plan: Plan, step: Step) -> str | None:
     """What carries on an interrupted step; None if it must begin anew.
 
-    A training goes on from its last checkpoint. What an earlier plan's command left is not gone on with.
+    A training goes on from its last checkpoint. A dataset that is there is finished, and leftovers are
+    removed. What an earlier plan's command left is not gone on with.
     """
     if read_record(plan, step) is None:
         return None
@@ -43,6 +45,9 @@ def next_command(plan: Plan, step: Step) -> str | None:
         checkpoint = step.output / _CHECKPOINT
         resumable = (ROOT / checkpoint).exists()
         return f"lerobot-train --config_path={checkpoint} --resume=true" if resumable else None
+    data = step.output / "data"
+    if step.command.startswith(_DATASET) and (ROOT / data).exists():
+        return f"rm -rf {data}.unfinished"
     return step.command if step.command.startswith(_GOES_ON) else None
 
 
@@ -75,6 +80,13 @@ def time_left(plan: Plan, done: dict[str, float], running: Step | None = None, s
             seconds = step.seconds * factor(step.template)
             left += max(seconds - since, 0.0) if step is running else seconds
     return left
+
+
+def heed_signals() -> None:
+    """Take `kill` and the end of the terminal for Ctrl-C; `nohup` still keeps a run alive."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler)
 
 
 def run(plan: Plan, console: Console) -> None:

@@ -196,6 +196,18 @@ def test_a_plan_is_run_and_only_what_changed_is_run_again(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
+def test_a_dataset_that_is_there_is_whole(tmp_path: Path) -> None:
+    plan = make_plan(tmp_path, "owlxt5-dataset --root={output}/data")
+    [step] = plan.steps
+    for folder in ("data", "data.unfinished"):
+        (step.output / folder).mkdir(parents=True)
+    write_record(plan, step, 1.0, whole=False)  # the run ended, and its command after it
+    run(plan, QUIET)
+    assert is_whole(plan, step)
+    assert [each.name for each in step.output.iterdir()] == ["data"]
+
+
+@pytest.mark.slow
 def test_a_step_that_fails_leaves_out_only_those_that_need_it(tmp_path: Path) -> None:
     plan = make_plan(
         tmp_path, "echo broken; exit 3", "cat {folder}/a > {output}", "echo 3 > {output}", "true {output}"
@@ -211,15 +223,18 @@ import signal, sys
 from pathlib import Path
 from rich.console import Console
 from reproduce.plan import read_plan
-from reproduce.run import run
+from reproduce.run import heed_signals, run
 folder = Path(sys.argv[1])
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background ignores it
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # and nohup this one
+heed_signals()
 run(read_plan("tiny", folder / "plan.yaml", outputs=folder / "outputs"), Console())
 """
 
 
 @pytest.mark.slow
-def test_it_goes_on_after_a_kill_in_the_middle(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_it_goes_on_after_a_kill_in_the_middle(number: signal.Signals, tmp_path: Path) -> None:
     wait = (
         f"echo half > {{output}}; while [ ! -e {tmp_path}/go ]; do sleep 0.1; done; echo whole > {{output}}"
     )
@@ -231,7 +246,7 @@ def test_it_goes_on_after_a_kill_in_the_middle(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="another run, or a command that it started, still writes into"):
         run(plan, QUIET)
     made = first.output.read_text()
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     assert process.wait(30) != 0
     assert not is_whole(plan, second)
     assert read_record(plan, second) is not None
