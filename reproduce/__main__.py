@@ -9,11 +9,9 @@ from rich.console import Console
 
 from lerobot_owlxt5.command_line import command
 
-from .plan import Setting, read_plan, write_setting
+from .plan import RELEASE, Setting, read_plan
 from .report import write_report
 from .run import RunError, heed_signals, run
-
-_RELEASE = "OWLXT5_CLANT_DIR"
 
 
 @dataclass
@@ -30,10 +28,9 @@ def main(config: ReproduceConfig) -> None:
     import torch  # takes seconds
 
     # The variable, not its value: nobody's folders stand in commands that others read.
-    source = f'"${_RELEASE}"' if os.environ.get(_RELEASE) else "scripted"
+    source = f'"${RELEASE}"' if os.environ.get(RELEASE) else "scripted"
     setting = Setting(source, "cuda" if torch.cuda.is_available() else "cpu")
     plan = read_plan(config.size, setting=setting)
-    write_setting(plan, setting)
     heed_signals()
     console = Console()
     try:

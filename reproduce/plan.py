@@ -17,6 +17,21 @@ ROOT = Path(__file__).parents[1]
 PLAN = Path(__file__).with_name("plan.yaml")
 OUTPUTS = Path("outputs/reproduce")
 _SETTING = "setting.json"
+RELEASE = "OWLXT5_CLANT_DIR"
+"""The variable of the environment with the release's folder."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a plan depends on beside its file: where it is run.
+
+    Attributes:
+        source: `--source` of the datasets: `scripted`, or the environment variable with the release's folder.
+        device: For the commands of a size that names none.
+    """
+
+    source: str = "scripted"
+    device: str = "cpu"
 
 
 @dataclass(frozen=True)
@@ -59,6 +74,7 @@ class Plan:
         about: What a reader of the results must know of this size.
         folder: Into which everything is written, relative to the repository's root.
         environment: Variables of the environment for all commands.
+        setting: Where it is run, as far as the size does not say so itself.
         steps: In the order in which they are run.
     """
 
@@ -66,6 +82,7 @@ class Plan:
     about: str
     folder: Path
     environment: Mapping[str, str]
+    setting: Setting
     steps: tuple[Step, ...]
 
     def ancestors(self, names: Iterable[str]) -> list[Step]:
@@ -77,19 +94,6 @@ class Plan:
                 needed.add(name)
                 left += by_name[name].inputs
         return [step for step in self.steps if step.name in needed]
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What a plan depends on beside its file: where it is run.
-
-    Attributes:
-        source: `--source` of the datasets: `scripted`, or the environment variable with the release's folder.
-        device: For the commands of a size that names none.
-    """
-
-    source: str = "scripted"
-    device: str = "cpu"
 
 
 def read_sizes(path: Path = PLAN) -> list[str]:
@@ -120,7 +124,7 @@ def read_plan(
         raise ValueError(f"{path.name} has no size {size!r}; choose one of {', '.join(content['sizes'])}")
     chosen = content["sizes"][size]
     folder = outputs / size
-    words = asdict(setting or _read_setting(folder)) | {"folder": folder} | chosen.get("values", {})
+    words = asdict(setting or read_setting(folder)) | {"folder": folder} | chosen.get("values", {})
     steps = dict[str, Step]()
     for template in content["steps"]:
         for combination in _combinations(template, chosen.get("lists", {})):
@@ -128,17 +132,19 @@ def read_plan(
             if step.name in steps:
                 raise ValueError(f"two steps of the plan are called {step.name!r}")
             steps[step.name] = step
-    return Plan(size, chosen["about"], folder, chosen.get("environment", {}), tuple(steps.values()))
+    environment, used = chosen.get("environment", {}), Setting(words["source"], words["device"])
+    return Plan(size, chosen["about"], folder, environment, used, tuple(steps.values()))
 
 
-def write_setting(plan: Plan, setting: Setting) -> None:
+def write_setting(plan: Plan) -> None:
     """Note where a plan is run, so that its results are read as those of the same commands."""
     path = ROOT / plan.folder / _SETTING
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(asdict(setting)) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(asdict(plan.setting)) + "\n", encoding="utf-8")
 
 
-def _read_setting(folder: Path) -> Setting:
+def read_setting(folder: Path) -> Setting:
+    """Where the plan of a folder was run last."""
     path = ROOT / folder / _SETTING
     return Setting(**json.loads(path.read_text(encoding="utf-8"))) if path.exists() else Setting()
 

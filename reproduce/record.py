@@ -67,6 +67,12 @@ def is_whole(plan: Plan, step: Step) -> bool:
     return record is not None and record.whole and (ROOT / step.output).exists()
 
 
+def any_whole(plan: Plan) -> bool:
+    """Whether any step of a size was run to its end, with whatever command."""
+    records = (ROOT / plan.folder / "records").glob("*.json")
+    return any(json.loads(path.read_text(encoding="utf-8"))["whole"] for path in records)
+
+
 def versions() -> dict[str, str]:
     """Versions of the packages that figures depend on."""
     found = {"python": platform.python_version()}

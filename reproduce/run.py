@@ -17,8 +17,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from .plan import ROOT, Plan, Step
-from .record import is_whole, read_record, write_record
+from .plan import RELEASE, ROOT, Plan, Step, read_setting, write_setting
+from .record import any_whole, is_whole, read_record, write_record
 
 _CHECKPOINT = Path("checkpoints/last/pretrained_model/train_config.json")
 _DATASET = "owlxt5-dataset"
@@ -95,31 +95,45 @@ def run(plan: Plan, console: Console) -> None:
     A step that fails is left out with those that need it, and the others are run.
 
     Raises:
-        RunError: If another run of the same size is going on, or steps failed.
+        RunError: If another run of the same size is going on, its setting was another one, or steps failed.
         KeyboardInterrupt: Once the running command has ended.
     """
     logs = ROOT / plan.folder / "logs"
     logs.mkdir(parents=True, exist_ok=True)
     failed: list[str] = []
-    with _alone_in(plan) as lock, _Display(plan, console) as display:
-        for number, step in enumerate(plan.steps, 1):
-            if is_whole(plan, step):
-                continue
-            if {*step.inputs} & {*failed}:
-                failed.append(step.name)
-                continue
-            log = logs / f"{step.name}.log"
-            display.begin(number, step)
-            if _run_step(plan, step, log, lock, display):
-                display.end(step)
-            else:
-                failed.append(step.name)
-                display.fail(log)
+    with _alone_in(plan) as lock:
+        _keep_setting(plan)
+        with _Display(plan, console) as display:
+            for number, step in enumerate(plan.steps, 1):
+                if is_whole(plan, step):
+                    continue
+                if {*step.inputs} & {*failed}:
+                    failed.append(step.name)
+                    continue
+                log = logs / f"{step.name}.log"
+                display.begin(number, step)
+                if _run_step(plan, step, log, lock, display):
+                    display.end(step)
+                else:
+                    failed.append(step.name)
+                    display.fail(log)
     if failed:
         raise RunError(
             f"{len(failed)} of {len(plan.steps)} steps are missing, first of all {failed[0]}: see "
             f"{plan.folder}/logs/{failed[0]}.log, mend it, and run the same command again"
         )
+
+
+def _keep_setting(plan: Plan) -> None:
+    """Note where a plan is run, unless finished steps of its folder were made with another setting."""
+    then, now = read_setting(plan.folder), plan.setting
+    if then != now and any_whole(plan):
+        raise RunError(
+            f"{plan.folder} was made with source {then.source} and device {then.device}, but they are now "
+            f"{now.source} and {now.device}: set {RELEASE} and CUDA_VISIBLE_DEVICES as they were then, or "
+            "delete that folder"
+        )
+    write_setting(plan)
 
 
 def _run_step(plan: Plan, step: Step, log: Path, lock: IO[str], display: "_Display") -> bool:

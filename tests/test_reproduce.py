@@ -5,6 +5,7 @@ import importlib
 import json
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -34,12 +35,12 @@ ROOT = Path(__file__).parents[1]
 PROGRAMS = {"owlxt5-dataset", "lerobot-train", "lerobot-eval", "owlxt5-evaluate", "python"}
 
 
-def make_plan(folder: Path, *commands: str, size: str = "tiny") -> Plan:
+def make_plan(folder: Path, *commands: str, setting: Setting | None = None) -> Plan:
     """A plan whose steps are called a, b, c …, in a folder of its own."""
     steps = [{"name": name, "command": command} for name, command in zip("abcdef", commands, strict=False)]
-    content = {"sizes": {size: {"about": "A tiny size."}}, "steps": steps}
+    content = {"sizes": {"tiny": {"about": "A tiny size."}}, "steps": steps}
     (folder / "plan.yaml").write_text(yaml.safe_dump(content))
-    return read_plan(size, folder / "plan.yaml", outputs=folder / "outputs")
+    return read_plan("tiny", folder / "plan.yaml", setting=setting, outputs=folder / "outputs")
 
 
 QUIET = Console(quiet=True)
@@ -208,6 +209,28 @@ def test_a_dataset_that_is_there_is_whole(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_forgotten_variable_throws_nothing_away(tmp_path: Path) -> None:
+    release = Setting("release")
+    with pytest.raises(RunError, match="steps are missing"):
+        run(make_plan(tmp_path, "false {output}", setting=Setting()), QUIET)
+    plan = make_plan(tmp_path, "echo {source} > {output}", setting=release)  # nothing was whole
+    run(plan, QUIET)
+    forgotten = make_plan(tmp_path, "echo {source} > {output}", setting=Setting())
+    with pytest.raises(RunError, match="source release and device cpu, but they are now scripted and cpu"):
+        run(forgotten, QUIET)
+    assert plan.steps[0].output.read_text() == "release\n"
+    assert make_plan(tmp_path, "echo {source} > {output}").setting == release
+    shutil.rmtree(plan.folder)
+    run(forgotten, QUIET)
+    assert plan.steps[0].output.read_text() == "scripted\n"
+
+
+def test_a_size_that_names_its_device_does_not_depend_on_the_machine() -> None:
+    assert read_plan("quick", setting=Setting(device="cuda")) == read_plan("quick", setting=Setting())
+    assert read_plan("full", setting=Setting(device="cuda")).setting.device == "cuda"
+
+
+@pytest.mark.slow
 def test_a_step_that_fails_leaves_out_only_those_that_need_it(tmp_path: Path) -> None:
     plan = make_plan(
         tmp_path, "echo broken; exit 3", "cat {folder}/a > {output}", "echo 3 > {output}", "true {output}"
@@ -293,7 +316,7 @@ def outputs(tmp_path: Path) -> Path:
 
 def plan_of(outputs: Path, size: str) -> Plan:
     plan = read_plan(size, setting=Setting(), outputs=outputs)
-    write_setting(plan, Setting())
+    write_setting(plan)
     return plan
 
 
