@@ -17,6 +17,8 @@ ROOT = Path(__file__).parents[1]
 PLAN = Path(__file__).with_name("plan.yaml")
 OUTPUTS = Path("outputs/reproduce")
 _SETTING = "setting.json"
+_IMPORTED = {"benchmarks/robustness.py": ("benchmarks/cells.py", "benchmarks/rollout.py")}
+"""What the benchmarks of the plan import of their folder, as far as figures depend on it."""
 RELEASE = "OWLXT5_CLANT_DIR"
 """The variable of the environment with the release's folder."""
 
@@ -45,7 +47,7 @@ class Step:
         output: Its folder, relative to the repository's root.
         inputs: Names of the steps whose folders it reads.
         seconds: How long it is expected to take.
-        digest: Hash of the command and of the digests of its inputs.
+        digest: Hash of the command, of the recipes and benchmarks that it names, and of its inputs' digests.
         chosen: What tells it from the other steps of its template, such as {"seed": 1}.
         measures: `outcomes`, `modes` or `cells`; empty: it makes what others measure.
         policy: What is measured.
@@ -181,7 +183,8 @@ def _make_step(
     inputs = tuple(dict.fromkeys(each for each in read if each != name))
     if unknown := [each for each in inputs if each not in earlier]:
         raise ValueError(f"the step {name!r} reads what no earlier step of the plan writes: {unknown[0]}")
-    digest = hashlib.sha256("\n".join([command, *(earlier[each].digest for each in inputs)]).encode())
+    hashed = [command, *_read_files(command), *(earlier[each].digest for each in inputs)]
+    digest = hashlib.sha256("\n".join(hashed).encode())
     return Step(
         name,
         template["name"],
@@ -195,3 +198,10 @@ def _make_step(
         template.get("policy", ""),
         variant,
     )
+
+
+def _read_files(command: str) -> list[str]:
+    """What stands in the recipes and benchmarks that a command names, and in what these import."""
+    named = re.findall(r"(?<![\w./-])(?:configs|benchmarks)/[\w.-]+", command)
+    files = [file for each in named for file in (each, *_IMPORTED.get(each, ()))]
+    return [(ROOT / file).read_text(encoding="utf-8") for file in files]

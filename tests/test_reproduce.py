@@ -138,6 +138,32 @@ def test_what_was_changed_is_not_whole_any_more(tmp_path: Path) -> None:
     assert not is_whole(plan, plan.steps[2])
 
 
+def test_a_step_depends_on_the_files_that_its_command_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("reproduce.plan.ROOT", tmp_path)
+    named = ["configs/small.yaml", "benchmarks/robustness.py", "benchmarks/cells.py", "benchmarks/rollout.py"]
+    for name in named:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("before")
+
+    def digests() -> list[str]:
+        commands = [
+            "lerobot-train --config_path=configs/small.yaml --output_dir={output}",
+            "python benchmarks/robustness.py --results={output}/cells.jsonl",
+            "cat {folder}/a > {output}",
+            "echo configs {output}",
+        ]
+        return [step.digest for step in make_plan(tmp_path, *commands).steps]
+
+    for name in named:
+        before = digests()
+        (tmp_path / name).write_text("after")
+        changed = [old != new for old, new in zip(before, digests(), strict=True)]
+        of_recipe = name == "configs/small.yaml"
+        assert changed == [of_recipe, not of_recipe, of_recipe, False]
+
+
 def test_a_training_goes_on_from_its_checkpoint_and_nothing_else_does(tmp_path: Path) -> None:
     commands = [
         "lerobot-train --output_dir={output}",
