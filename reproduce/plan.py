@@ -4,7 +4,7 @@
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import product
 from pathlib import Path
@@ -87,15 +87,13 @@ class Plan:
     setting: Setting
     steps: tuple[Step, ...]
 
-    def ancestors(self, names: Iterable[str]) -> list[Step]:
-        """The named steps and all that they need, in the plan's order."""
-        by_name = {step.name: step for step in self.steps}
-        needed, left = set[str](), [*names]
-        while left:
-            if (name := left.pop()) not in needed:
-                needed.add(name)
-                left += by_name[name].inputs
-        return [step for step in self.steps if step.name in needed]
+    def readers(self, step: Step) -> list[Step]:
+        """A step and all that read from it, or from what reads from it."""
+        found = {step.name: step}
+        for each in self.steps:
+            if {*each.inputs} & {*found}:
+                found[each.name] = each
+        return [*found.values()]
 
 
 def read_sizes(path: Path = PLAN) -> list[str]:

@@ -61,6 +61,11 @@ def write_record(plan: Plan, step: Step, seconds: float, *, whole: bool) -> None
     unfinished.replace(path)
 
 
+def drop_record(plan: Plan, step: Step) -> None:
+    """Forget that a step was run."""
+    _path(plan, step).unlink(missing_ok=True)
+
+
 def is_whole(plan: Plan, step: Step) -> bool:
     """Whether a step has been run to its end, with the command that it has now."""
     record = read_record(plan, step)

@@ -18,7 +18,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from .plan import RELEASE, ROOT, Plan, Step, read_setting, write_setting
-from .record import any_whole, is_whole, read_record, write_record
+from .record import any_whole, drop_record, is_whole, read_record, write_record
 
 _CHECKPOINT = Path("checkpoints/last/pretrained_model/train_config.json")
 _DATASET = "owlxt5-dataset"
@@ -92,6 +92,7 @@ def heed_signals() -> None:
 def run(plan: Plan, console: Console) -> None:
     """Run all steps that are not whole.
 
+    If a step begins anew, all that read from it are run again, because it may come out otherwise this time.
     A step that fails is left out with those that need it, and the others are run.
 
     Raises:
@@ -141,6 +142,8 @@ def _run_step(plan: Plan, step: Step, log: Path, lock: IO[str], display: "_Displ
     record, command = read_record(plan, step), next_command(plan, step)
     before = record.seconds if record and command else 0.0
     if command is None:
+        for each in plan.readers(step):
+            drop_record(plan, each)
         shutil.rmtree(ROOT / step.output, ignore_errors=True)
     write_record(plan, step, before, whole=False)
     began = time.monotonic()
@@ -218,7 +221,7 @@ class _Display:
         self._done = {}
         for step in plan.steps:
             record = read_record(plan, step)
-            if record and is_whole(plan, step):
+            if record and is_whole(plan, step) and {*step.inputs} <= {*self._done}:
                 self._done[step.name] = record.seconds
         self._began, self._title = 0.0, ""
         self._progress = Progress(

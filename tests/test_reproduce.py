@@ -223,6 +223,19 @@ def test_a_plan_is_run_and_only_what_changed_is_run_again(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
+def test_what_reads_from_a_step_that_began_anew_is_run_again(tmp_path: Path) -> None:
+    commands = ["date +%N > {output}", "cat {folder}/a > {output}", "cat {folder}/b > {output}"]
+    plan = make_plan(tmp_path, *commands, "date +%N > {output}")
+    run(plan, QUIET)
+    first, _, third, other = plan.steps
+    untouched = other.output.read_text()
+    first.output.unlink()
+    run(plan, QUIET)
+    assert third.output.read_text() == first.output.read_text()
+    assert other.output.read_text() == untouched
+
+
+@pytest.mark.slow
 def test_a_dataset_that_is_there_is_whole(tmp_path: Path) -> None:
     plan = make_plan(tmp_path, "owlxt5-dataset --root={output}/data")
     [step] = plan.steps
@@ -462,6 +475,15 @@ def test_an_option_of_the_measurement_wins_over_the_checkpoint(outputs: Path) ->
     assert "perfect 100.0 %" not in section(text, "Figure 3")
     library = next(step for step in quick.steps if step.policy == "motion_library")
     assert column_of(backbones_of(library)) is Column.EMBEDDED
+
+
+def test_a_measurement_whose_checkpoint_is_gone_counts_as_not_run(outputs: Path) -> None:
+    quick = plan_of(outputs, "quick")
+    finish(quick, "eval_owlxt5_108_seed1_clant", EMBEDDED, eval_info__json=eval_info("clant", [1.0]))
+    assert len(read_measurements(quick)) == 1
+    shutil.rmtree(quick.folder / "owlxt5_108_seed1")
+    assert read_measurements(quick) == []
+    assert "perfect 100.0 %" not in write(outputs, "quick")
 
 
 def test_an_episode_of_several_commands_is_right_if_all_are(outputs: Path) -> None:
