@@ -414,9 +414,19 @@ def test_a_report_of_nothing_says_what_to_run(outputs: Path) -> None:
         assert {*row[2:]} == {"not run: `make reproduce SIZE=full`"}
     owlxt5 = next(row for row in efficiency if row[:2] == ["clant", "OWLxT5, embedded backbones, or none"])
     assert [cell[-6:-1] for cell in owlxt5[2:]] == ["quick", "quick", "quick", "=full", "=full"]
+    ablations = rows(section(text, "Ablations"))
+    assert {cell[-6:-1] for row in ablations[:3] for cell in row[2:]} == {"quick"}
+    assert {cell for row in ablations[3:] for cell in row[2:]} == {"not run: `make reproduce SIZE=full`"}
+    assert ablations[-1][1] == "no made-up names in training"
     assert "not run" in section(text, "Perturbations")
     assert "lerobot-train" in section(text, "What these commands need")
     assert str(Path.home()) not in text
+
+
+def test_a_report_says_what_its_size_is(outputs: Path) -> None:
+    for size in read_sizes():
+        about = read_plan(size, outputs=outputs).about
+        assert about in write(outputs, size).partition("## What differs")[0]
 
 
 def test_figures_stand_in_the_column_of_their_models(outputs: Path) -> None:
