@@ -39,7 +39,7 @@ def next_command(plan: Plan, step: Step) -> str | None:
     A training goes on from its last checkpoint. A dataset that is there is finished, and leftovers are
     removed. What an earlier plan's command left is not gone on with.
     """
-    if read_record(plan, step) is None:
+    if read_record(plan, step) is None or not (ROOT / step.output).exists():
         return None
     if step.command.startswith("lerobot-train"):
         checkpoint = step.output / _CHECKPOINT

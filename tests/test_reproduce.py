@@ -180,6 +180,8 @@ def test_a_training_goes_on_from_its_checkpoint_and_nothing_else_does(tmp_path: 
     checkpoint.parent.mkdir(parents=True)
     checkpoint.write_text("{}")
     assert next_command(plan, training) == f"lerobot-train --config_path={checkpoint} --resume=true"
+    assert next_command(plan, dataset) is None  # its folder is gone
+    dataset.output.mkdir()
     assert next_command(plan, dataset) == dataset.command
     assert next_command(plan, evaluation) is None
     other = make_plan(tmp_path, commands[0] + " --steps=3")
