@@ -2,7 +2,6 @@
 """`python -m reproduce --size=quick`, which is `make reproduce`."""
 
 import os
-import signal
 import sys
 from dataclasses import dataclass
 
@@ -10,11 +9,9 @@ from rich.console import Console
 
 from lerobot_owlxt5.command_line import command
 
-from .plan import Setting, read_plan, write_setting
+from .plan import RELEASE, Setting, read_plan
 from .report import write_report
-from .run import RunError, run
-
-_RELEASE = "OWLXT5_CLANT_DIR"
+from .run import RunError, heed_signals, run
 
 
 @dataclass
@@ -31,11 +28,10 @@ def main(config: ReproduceConfig) -> None:
     import torch  # takes seconds
 
     # The variable, not its value: nobody's folders stand in commands that others read.
-    source = f'"${_RELEASE}"' if os.environ.get(_RELEASE) else "scripted"
+    source = f'"${RELEASE}"' if os.environ.get(RELEASE) else "scripted"
     setting = Setting(source, "cuda" if torch.cuda.is_available() else "cpu")
     plan = read_plan(config.size, setting=setting)
-    write_setting(plan, setting)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    heed_signals()
     console = Console()
     try:
         run(plan, console)

@@ -73,18 +73,20 @@ class Book:
         self.full = read_plan(FULL, path, outputs=outputs)
         self.measured = read_measurements(self.small) + read_measurements(self.hub)
 
-    def plan_of(self, column: Column) -> Plan:
-        """The plan that is to fill a column."""
-        return self.hub if column is Column.HUB else self.small
+    def plans_of(self, column: Column) -> list[Plan]:
+        """The plans that may fill a column; the first that plans a figure counts."""
+        return [self.hub] if column is Column.HUB else [self.small, self.full]
 
-    def largest(self, column: Column, policy: str, measures: str = "outcomes") -> int | None:
+    def largest(
+        self, column: Column, policy: str, measures: str = "outcomes", variant: str = ""
+    ) -> int | None:
         """The most demonstrations from which a policy of a column learns; None where it learns from none."""
-        numbers = [
-            step.chosen.get("demonstrations", 0)
-            for step in self.plan_of(column).steps
-            if (step.policy, step.measures) == (policy, measures)
-        ]
-        return max(numbers, default=0) or None
+        wanted = measures, policy, variant
+        for plan in self.plans_of(column):
+            steps = [each for each in plan.steps if (each.measures, each.policy, each.variant) == wanted]
+            if steps:
+                return max(each.chosen.get("demonstrations", 0) for each in steps) or None
+        return None
 
     def find(self, wanted: Wanted, *columns: Column) -> list[Measurement]:
         """What was measured of it, with the pretrained models of these columns."""
@@ -96,7 +98,7 @@ class Book:
         """The text of what was measured; or the command that measures it."""
         if found := self.find(wanted, *columns):
             return text(found)
-        plans = [self.hub] if Column.HUB in columns else [self.small, self.full]
+        plans = self.plans_of(columns[0])
         sizes = [plan.size for plan in plans if any(wanted.has(step) for step in plan.steps)]
         return f"not run: `make reproduce SIZE={sizes[0]}`" if sizes else "not planned"
 

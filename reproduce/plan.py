@@ -4,7 +4,7 @@
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import product
 from pathlib import Path
@@ -17,6 +17,23 @@ ROOT = Path(__file__).parents[1]
 PLAN = Path(__file__).with_name("plan.yaml")
 OUTPUTS = Path("outputs/reproduce")
 _SETTING = "setting.json"
+_IMPORTED = {"benchmarks/robustness.py": ("benchmarks/cells.py", "benchmarks/rollout.py")}
+"""What the benchmarks of the plan import of their folder, as far as figures depend on it."""
+RELEASE = "OWLXT5_CLANT_DIR"
+"""The variable of the environment with the release's folder."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a plan depends on beside its file: where it is run.
+
+    Attributes:
+        source: `--source` of the datasets: `scripted`, or the environment variable with the release's folder.
+        device: For the commands of a size that names none.
+    """
+
+    source: str = "scripted"
+    device: str = "cpu"
 
 
 @dataclass(frozen=True)
@@ -30,7 +47,7 @@ class Step:
         output: Its folder, relative to the repository's root.
         inputs: Names of the steps whose folders it reads.
         seconds: How long it is expected to take.
-        digest: Hash of the command and of the digests of its inputs.
+        digest: Hash of the command, of the recipes and benchmarks that it names, and of its inputs' digests.
         chosen: What tells it from the other steps of its template, such as {"seed": 1}.
         measures: `outcomes`, `modes` or `cells`; empty: it makes what others measure.
         policy: What is measured.
@@ -59,6 +76,7 @@ class Plan:
         about: What a reader of the results must know of this size.
         folder: Into which everything is written, relative to the repository's root.
         environment: Variables of the environment for all commands.
+        setting: Where it is run, as far as the size does not say so itself.
         steps: In the order in which they are run.
     """
 
@@ -66,30 +84,16 @@ class Plan:
     about: str
     folder: Path
     environment: Mapping[str, str]
+    setting: Setting
     steps: tuple[Step, ...]
 
-    def ancestors(self, names: Iterable[str]) -> list[Step]:
-        """The named steps and all that they need, in the plan's order."""
-        by_name = {step.name: step for step in self.steps}
-        needed, left = set[str](), [*names]
-        while left:
-            if (name := left.pop()) not in needed:
-                needed.add(name)
-                left += by_name[name].inputs
-        return [step for step in self.steps if step.name in needed]
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What a plan depends on beside its file: where it is run.
-
-    Attributes:
-        source: `--source` of the datasets: `scripted`, or the environment variable with the release's folder.
-        device: For the commands of a size that names none.
-    """
-
-    source: str = "scripted"
-    device: str = "cpu"
+    def readers(self, step: Step) -> list[Step]:
+        """A step and all that read from it, or from what reads from it."""
+        found = {step.name: step}
+        for each in self.steps:
+            if {*each.inputs} & {*found}:
+                found[each.name] = each
+        return [*found.values()]
 
 
 def read_sizes(path: Path = PLAN) -> list[str]:
@@ -120,7 +124,7 @@ def read_plan(
         raise ValueError(f"{path.name} has no size {size!r}; choose one of {', '.join(content['sizes'])}")
     chosen = content["sizes"][size]
     folder = outputs / size
-    words = asdict(setting or _read_setting(folder)) | {"folder": folder} | chosen.get("values", {})
+    words = asdict(setting or read_setting(folder)) | {"folder": folder} | chosen.get("values", {})
     steps = dict[str, Step]()
     for template in content["steps"]:
         for combination in _combinations(template, chosen.get("lists", {})):
@@ -128,17 +132,19 @@ def read_plan(
             if step.name in steps:
                 raise ValueError(f"two steps of the plan are called {step.name!r}")
             steps[step.name] = step
-    return Plan(size, chosen["about"], folder, chosen.get("environment", {}), tuple(steps.values()))
+    environment, used = chosen.get("environment", {}), Setting(words["source"], words["device"])
+    return Plan(size, chosen["about"], folder, environment, used, tuple(steps.values()))
 
 
-def write_setting(plan: Plan, setting: Setting) -> None:
+def write_setting(plan: Plan) -> None:
     """Note where a plan is run, so that its results are read as those of the same commands."""
     path = ROOT / plan.folder / _SETTING
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(asdict(setting)) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(asdict(plan.setting)) + "\n", encoding="utf-8")
 
 
-def _read_setting(folder: Path) -> Setting:
+def read_setting(folder: Path) -> Setting:
+    """Where the plan of a folder was run last."""
     path = ROOT / folder / _SETTING
     return Setting(**json.loads(path.read_text(encoding="utf-8"))) if path.exists() else Setting()
 
@@ -175,7 +181,8 @@ def _make_step(
     inputs = tuple(dict.fromkeys(each for each in read if each != name))
     if unknown := [each for each in inputs if each not in earlier]:
         raise ValueError(f"the step {name!r} reads what no earlier step of the plan writes: {unknown[0]}")
-    digest = hashlib.sha256("\n".join([command, *(earlier[each].digest for each in inputs)]).encode())
+    hashed = [command, *_read_files(command), *(earlier[each].digest for each in inputs)]
+    digest = hashlib.sha256("\n".join(hashed).encode())
     return Step(
         name,
         template["name"],
@@ -189,3 +196,10 @@ def _make_step(
         template.get("policy", ""),
         variant,
     )
+
+
+def _read_files(command: str) -> list[str]:
+    """What stands in the recipes and benchmarks that a command names, and in what these import."""
+    named = re.findall(r"(?<![\w./-])(?:configs|benchmarks)/[\w.-]+", command)
+    files = [file for each in named for file in (each, *_IMPORTED.get(each, ()))]
+    return [(ROOT / file).read_text(encoding="utf-8") for file in files]

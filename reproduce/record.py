@@ -61,10 +61,21 @@ def write_record(plan: Plan, step: Step, seconds: float, *, whole: bool) -> None
     unfinished.replace(path)
 
 
+def drop_record(plan: Plan, step: Step) -> None:
+    """Forget that a step was run."""
+    _path(plan, step).unlink(missing_ok=True)
+
+
 def is_whole(plan: Plan, step: Step) -> bool:
     """Whether a step has been run to its end, with the command that it has now."""
     record = read_record(plan, step)
     return record is not None and record.whole and (ROOT / step.output).exists()
+
+
+def any_whole(plan: Plan) -> bool:
+    """Whether any step of a size was run to its end, with whatever command."""
+    records = (ROOT / plan.folder / "records").glob("*.json")
+    return any(json.loads(path.read_text(encoding="utf-8"))["whole"] for path in records)
 
 
 def versions() -> dict[str, str]:

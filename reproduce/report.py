@@ -13,7 +13,7 @@ from rich.console import Console
 from lerobot_owlxt5.command_line import command
 from nico_tabletop.scoring import Failure, Outcome
 
-from .book import OBJECTS, SUCCESS, TITLES, Book, Wanted, policies, title_of
+from .book import HUB, OBJECTS, SUCCESS, TITLES, Book, Wanted, policies, title_of
 from .paper import LINES, Line
 from .plan import OUTPUTS, PLAN, ROOT, Plan
 from .results import Column, Measurement, count_outcomes, read_figure, share_of
@@ -56,7 +56,7 @@ def write_report(
         "# Results",
         f"`make reproduce SIZE={size}` wrote this on {dt.date.today():%Y-%m-%d}, from what had been run by "
         "then. Shares have Wilson's 95 % intervals.",
-        book.small.about,
+        (book.hub if size == HUB else book.small).about,
         "## What differs from the paper",
         _DIFFERENCES.read_text(encoding="utf-8").strip(),
         *_table_one(book),
@@ -190,8 +190,8 @@ def _ablations(book: Book) -> list[str]:
     for policy in dict.fromkeys(step.policy for step in steps):
         for variant in ("", *dict.fromkeys(step.variant for step in steps if step.policy == policy)):
             row = [title_of(policy), variant or "as trained"]
+            number = book.largest(Column.EMBEDDED, policy, variant=variant)
             for objects in OBJECTS:
-                number = book.largest(Column.EMBEDDED, policy)
                 wanted = Wanted("outcomes", policy, objects, number, variant)
                 columns = [Column.EMBEDDED, Column.MIXED] if variant else [Column.EMBEDDED]
                 row.append(book.show(wanted, columns, lambda found: _outcome_text(count_outcomes(found))))

@@ -5,6 +5,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -40,6 +41,9 @@ def backbones_of(step: Step) -> dict[str, str]:
     """Names of the pretrained models of a measurement, by the option that names them.
 
     The checkpoint says which it was trained with; an option of the measurement itself wins over that.
+
+    Raises:
+        FileNotFoundError: If the checkpoint is gone.
     """
     given = dict(re.findall(rf"--policy\.({'|'.join(_OPTIONS)})=(\S+)", step.command))
     config: dict[str, Any] = {}
@@ -84,13 +88,14 @@ class Measurement:
 
 
 def read_measurements(plan: Plan) -> list[Measurement]:
-    """All measurements of a plan that are whole."""
+    """All measurements of a plan that are whole, and whose checkpoint still says with what they were made."""
     found = []
     for step in plan.steps:
         record = read_record(plan, step)
         if step.measures and record and is_whole(plan, step):
-            backbones = backbones_of(step)
-            found.append(Measurement(step, record, backbones, column_of(backbones)))
+            with suppress(FileNotFoundError):
+                backbones = backbones_of(step)
+                found.append(Measurement(step, record, backbones, column_of(backbones)))
     return found
 
 

@@ -17,11 +17,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from .plan import ROOT, Plan, Step
-from .record import is_whole, read_record, write_record
+from .plan import RELEASE, ROOT, Plan, Step, read_setting, write_setting
+from .record import any_whole, drop_record, is_whole, read_record, write_record
 
 _CHECKPOINT = Path("checkpoints/last/pretrained_model/train_config.json")
-_GOES_ON = ("owlxt5-dataset", "python benchmarks/robustness.py")
+_DATASET = "owlxt5-dataset"
+_GOES_ON = (_DATASET, "python benchmarks/robustness.py")
 """Commands that go on by themselves where they were interrupted."""
 _GRACE = 20.0  # seconds that an interrupted command has to end
 _TICK = 0.5
@@ -35,14 +36,18 @@ class RunError(Exception):
 def next_command(plan: Plan, step: Step) -> str | None:
     """What carries on an interrupted step; None if it must begin anew.
 
-    A training goes on from its last checkpoint. What an earlier plan's command left is not gone on with.
+    A training goes on from its last checkpoint. A dataset that is there is finished, and leftovers are
+    removed. What an earlier plan's command left is not gone on with.
     """
-    if read_record(plan, step) is None:
+    if read_record(plan, step) is None or not (ROOT / step.output).exists():
         return None
     if step.command.startswith("lerobot-train"):
         checkpoint = step.output / _CHECKPOINT
         resumable = (ROOT / checkpoint).exists()
         return f"lerobot-train --config_path={checkpoint} --resume=true" if resumable else None
+    data = step.output / "data"
+    if step.command.startswith(_DATASET) and (ROOT / data).exists():
+        return f"rm -rf {data}.unfinished"
     return step.command if step.command.startswith(_GOES_ON) else None
 
 
@@ -77,32 +82,42 @@ def time_left(plan: Plan, done: dict[str, float], running: Step | None = None, s
     return left
 
 
+def heed_signals() -> None:
+    """Take `kill` and the end of the terminal for Ctrl-C; `nohup` still keeps a run alive."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler)
+
+
 def run(plan: Plan, console: Console) -> None:
     """Run all steps that are not whole.
 
+    If a step begins anew, all that read from it are run again, because it may come out otherwise this time.
     A step that fails is left out with those that need it, and the others are run.
 
     Raises:
-        RunError: If another run of the same size is going on, or steps failed.
+        RunError: If another run of the same size is going on, its setting was another one, or steps failed.
         KeyboardInterrupt: Once the running command has ended.
     """
     logs = ROOT / plan.folder / "logs"
     logs.mkdir(parents=True, exist_ok=True)
     failed: list[str] = []
-    with _alone_in(plan) as lock, _Display(plan, console) as display:
-        for number, step in enumerate(plan.steps, 1):
-            if is_whole(plan, step):
-                continue
-            if {*step.inputs} & {*failed}:
-                failed.append(step.name)
-                continue
-            log = logs / f"{step.name}.log"
-            display.begin(number, step)
-            if _run_step(plan, step, log, lock, display):
-                display.end(step)
-            else:
-                failed.append(step.name)
-                display.fail(log)
+    with _alone_in(plan) as lock:
+        _keep_setting(plan)
+        with _Display(plan, console) as display:
+            for number, step in enumerate(plan.steps, 1):
+                if is_whole(plan, step):
+                    continue
+                if {*step.inputs} & {*failed}:
+                    failed.append(step.name)
+                    continue
+                log = logs / f"{step.name}.log"
+                display.begin(number, step)
+                if _run_step(plan, step, log, lock, display):
+                    display.end(step)
+                else:
+                    failed.append(step.name)
+                    display.fail(log)
     if failed:
         raise RunError(
             f"{len(failed)} of {len(plan.steps)} steps are missing, first of all {failed[0]}: see "
@@ -110,11 +125,25 @@ def run(plan: Plan, console: Console) -> None:
         )
 
 
+def _keep_setting(plan: Plan) -> None:
+    """Note where a plan is run, unless finished steps of its folder were made with another setting."""
+    then, now = read_setting(plan.folder), plan.setting
+    if then != now and any_whole(plan):
+        raise RunError(
+            f"{plan.folder} was made with source {then.source} and device {then.device}, but they are now "
+            f"{now.source} and {now.device}: set {RELEASE} and CUDA_VISIBLE_DEVICES as they were then, or "
+            "delete that folder"
+        )
+    write_setting(plan)
+
+
 def _run_step(plan: Plan, step: Step, log: Path, lock: IO[str], display: "_Display") -> bool:
     """Run a step to its end; whether it succeeded."""
     record, command = read_record(plan, step), next_command(plan, step)
     before = record.seconds if record and command else 0.0
     if command is None:
+        for each in plan.readers(step):
+            drop_record(plan, each)
         shutil.rmtree(ROOT / step.output, ignore_errors=True)
     write_record(plan, step, before, whole=False)
     began = time.monotonic()
@@ -192,7 +221,7 @@ class _Display:
         self._done = {}
         for step in plan.steps:
             record = read_record(plan, step)
-            if record and is_whole(plan, step):
+            if record and is_whole(plan, step) and {*step.inputs} <= {*self._done}:
                 self._done[step.name] = record.seconds
         self._began, self._title = 0.0, ""
         self._progress = Progress(

@@ -5,6 +5,7 @@ import importlib
 import json
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -34,12 +35,12 @@ ROOT = Path(__file__).parents[1]
 PROGRAMS = {"owlxt5-dataset", "lerobot-train", "lerobot-eval", "owlxt5-evaluate", "python"}
 
 
-def make_plan(folder: Path, *commands: str, size: str = "tiny") -> Plan:
+def make_plan(folder: Path, *commands: str, setting: Setting | None = None) -> Plan:
     """A plan whose steps are called a, b, c …, in a folder of its own."""
     steps = [{"name": name, "command": command} for name, command in zip("abcdef", commands, strict=False)]
-    content = {"sizes": {size: {"about": "A tiny size."}}, "steps": steps}
+    content = {"sizes": {"tiny": {"about": "A tiny size."}}, "steps": steps}
     (folder / "plan.yaml").write_text(yaml.safe_dump(content))
-    return read_plan(size, folder / "plan.yaml", outputs=folder / "outputs")
+    return read_plan("tiny", folder / "plan.yaml", setting=setting, outputs=folder / "outputs")
 
 
 QUIET = Console(quiet=True)
@@ -137,6 +138,32 @@ def test_what_was_changed_is_not_whole_any_more(tmp_path: Path) -> None:
     assert not is_whole(plan, plan.steps[2])
 
 
+def test_a_step_depends_on_the_files_that_its_command_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("reproduce.plan.ROOT", tmp_path)
+    named = ["configs/small.yaml", "benchmarks/robustness.py", "benchmarks/cells.py", "benchmarks/rollout.py"]
+    for name in named:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("before")
+
+    def digests() -> list[str]:
+        commands = [
+            "lerobot-train --config_path=configs/small.yaml --output_dir={output}",
+            "python benchmarks/robustness.py --results={output}/cells.jsonl",
+            "cat {folder}/a > {output}",
+            "echo configs {output}",
+        ]
+        return [step.digest for step in make_plan(tmp_path, *commands).steps]
+
+    for name in named:
+        before = digests()
+        (tmp_path / name).write_text("after")
+        changed = [old != new for old, new in zip(before, digests(), strict=True)]
+        of_recipe = name == "configs/small.yaml"
+        assert changed == [of_recipe, not of_recipe, of_recipe, False]
+
+
 def test_a_training_goes_on_from_its_checkpoint_and_nothing_else_does(tmp_path: Path) -> None:
     commands = [
         "lerobot-train --output_dir={output}",
@@ -153,6 +180,8 @@ def test_a_training_goes_on_from_its_checkpoint_and_nothing_else_does(tmp_path: 
     checkpoint.parent.mkdir(parents=True)
     checkpoint.write_text("{}")
     assert next_command(plan, training) == f"lerobot-train --config_path={checkpoint} --resume=true"
+    assert next_command(plan, dataset) is None  # its folder is gone
+    dataset.output.mkdir()
     assert next_command(plan, dataset) == dataset.command
     assert next_command(plan, evaluation) is None
     other = make_plan(tmp_path, commands[0] + " --steps=3")
@@ -196,6 +225,53 @@ def test_a_plan_is_run_and_only_what_changed_is_run_again(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
+def test_what_reads_from_a_step_that_began_anew_is_run_again(tmp_path: Path) -> None:
+    commands = ["date +%N > {output}", "cat {folder}/a > {output}", "cat {folder}/b > {output}"]
+    plan = make_plan(tmp_path, *commands, "date +%N > {output}")
+    run(plan, QUIET)
+    first, _, third, other = plan.steps
+    untouched = other.output.read_text()
+    first.output.unlink()
+    run(plan, QUIET)
+    assert third.output.read_text() == first.output.read_text()
+    assert other.output.read_text() == untouched
+
+
+@pytest.mark.slow
+def test_a_dataset_that_is_there_is_whole(tmp_path: Path) -> None:
+    plan = make_plan(tmp_path, "owlxt5-dataset --root={output}/data")
+    [step] = plan.steps
+    for folder in ("data", "data.unfinished"):
+        (step.output / folder).mkdir(parents=True)
+    write_record(plan, step, 1.0, whole=False)  # the run ended, and its command after it
+    run(plan, QUIET)
+    assert is_whole(plan, step)
+    assert [each.name for each in step.output.iterdir()] == ["data"]
+
+
+@pytest.mark.slow
+def test_a_forgotten_variable_throws_nothing_away(tmp_path: Path) -> None:
+    release = Setting("release")
+    with pytest.raises(RunError, match="steps are missing"):
+        run(make_plan(tmp_path, "false {output}", setting=Setting()), QUIET)
+    plan = make_plan(tmp_path, "echo {source} > {output}", setting=release)  # nothing was whole
+    run(plan, QUIET)
+    forgotten = make_plan(tmp_path, "echo {source} > {output}", setting=Setting())
+    with pytest.raises(RunError, match="source release and device cpu, but they are now scripted and cpu"):
+        run(forgotten, QUIET)
+    assert plan.steps[0].output.read_text() == "release\n"
+    assert make_plan(tmp_path, "echo {source} > {output}").setting == release
+    shutil.rmtree(plan.folder)
+    run(forgotten, QUIET)
+    assert plan.steps[0].output.read_text() == "scripted\n"
+
+
+def test_a_size_that_names_its_device_does_not_depend_on_the_machine() -> None:
+    assert read_plan("quick", setting=Setting(device="cuda")) == read_plan("quick", setting=Setting())
+    assert read_plan("full", setting=Setting(device="cuda")).setting.device == "cuda"
+
+
+@pytest.mark.slow
 def test_a_step_that_fails_leaves_out_only_those_that_need_it(tmp_path: Path) -> None:
     plan = make_plan(
         tmp_path, "echo broken; exit 3", "cat {folder}/a > {output}", "echo 3 > {output}", "true {output}"
@@ -211,15 +287,18 @@ import signal, sys
 from pathlib import Path
 from rich.console import Console
 from reproduce.plan import read_plan
-from reproduce.run import run
+from reproduce.run import heed_signals, run
 folder = Path(sys.argv[1])
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background ignores it
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # and nohup this one
+heed_signals()
 run(read_plan("tiny", folder / "plan.yaml", outputs=folder / "outputs"), Console())
 """
 
 
 @pytest.mark.slow
-def test_it_goes_on_after_a_kill_in_the_middle(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_it_goes_on_after_a_kill_in_the_middle(number: signal.Signals, tmp_path: Path) -> None:
     wait = (
         f"echo half > {{output}}; while [ ! -e {tmp_path}/go ]; do sleep 0.1; done; echo whole > {{output}}"
     )
@@ -231,7 +310,7 @@ def test_it_goes_on_after_a_kill_in_the_middle(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="another run, or a command that it started, still writes into"):
         run(plan, QUIET)
     made = first.output.read_text()
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     assert process.wait(30) != 0
     assert not is_whole(plan, second)
     assert read_record(plan, second) is not None
@@ -278,7 +357,7 @@ def outputs(tmp_path: Path) -> Path:
 
 def plan_of(outputs: Path, size: str) -> Plan:
     plan = read_plan(size, setting=Setting(), outputs=outputs)
-    write_setting(plan, Setting())
+    write_setting(plan)
     return plan
 
 
@@ -337,9 +416,19 @@ def test_a_report_of_nothing_says_what_to_run(outputs: Path) -> None:
         assert {*row[2:]} == {"not run: `make reproduce SIZE=full`"}
     owlxt5 = next(row for row in efficiency if row[:2] == ["clant", "OWLxT5, embedded backbones, or none"])
     assert [cell[-6:-1] for cell in owlxt5[2:]] == ["quick", "quick", "quick", "=full", "=full"]
+    ablations = rows(section(text, "Ablations"))
+    assert {cell[-6:-1] for row in ablations[:3] for cell in row[2:]} == {"quick"}
+    assert {cell for row in ablations[3:] for cell in row[2:]} == {"not run: `make reproduce SIZE=full`"}
+    assert ablations[-1][1] == "no made-up names in training"
     assert "not run" in section(text, "Perturbations")
     assert "lerobot-train" in section(text, "What these commands need")
     assert str(Path.home()) not in text
+
+
+def test_a_report_says_what_its_size_is(outputs: Path) -> None:
+    for size in read_sizes():
+        about = read_plan(size, outputs=outputs).about
+        assert about in write(outputs, size).partition("## What differs")[0]
 
 
 def test_figures_stand_in_the_column_of_their_models(outputs: Path) -> None:
@@ -398,6 +487,15 @@ def test_an_option_of_the_measurement_wins_over_the_checkpoint(outputs: Path) ->
     assert "perfect 100.0 %" not in section(text, "Figure 3")
     library = next(step for step in quick.steps if step.policy == "motion_library")
     assert column_of(backbones_of(library)) is Column.EMBEDDED
+
+
+def test_a_measurement_whose_checkpoint_is_gone_counts_as_not_run(outputs: Path) -> None:
+    quick = plan_of(outputs, "quick")
+    finish(quick, "eval_owlxt5_108_seed1_clant", EMBEDDED, eval_info__json=eval_info("clant", [1.0]))
+    assert len(read_measurements(quick)) == 1
+    shutil.rmtree(quick.folder / "owlxt5_108_seed1")
+    assert read_measurements(quick) == []
+    assert "perfect 100.0 %" not in write(outputs, "quick")
 
 
 def test_an_episode_of_several_commands_is_right_if_all_are(outputs: Path) -> None:
