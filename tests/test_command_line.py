@@ -202,6 +202,15 @@ def test_so_do_the_other_commands(
     assert not list(tmp_path.iterdir())
 
 
+def test_what_training_needs_is_missed_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("owlxt5_backbones.muon.find_spec", lambda name: None)
+    monkeypatch.setattr(sys, "argv", ["command", "--part=detector", "--output_dir=7"])
+    with pytest.raises(SystemExit, match="owlxt5-backbones: making backbones needs timm: pip install"):
+        backbones()
+    assert not list(tmp_path.iterdir())
+
+
 # The locale -------------------------------------------------------------------------------------------------
 
 

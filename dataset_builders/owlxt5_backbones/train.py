@@ -29,7 +29,7 @@ from .language_model import (
     make_language_model,
     shipped_sizes,
 )
-from .muon import muon_options
+from .muon import check_optimizer, muon_options
 from .understanding_caution import find_understanding_threshold, find_wish_words
 
 _VALIDATION_IMAGES = 480
@@ -204,9 +204,10 @@ def train_language_model(
     return model, losses
 
 
-@command("owlxt5-backbones", DrawingError, OSError, ValueError)
+@command("owlxt5-backbones", DrawingError, ModuleNotFoundError, OSError, ValueError)
 def main(config: BackbonesConfig) -> None:
     """Make the data, train, evaluate, and say where the result is."""
+    check_optimizer()
     if config.part not in RECIPES:
         sys.exit(f"owlxt5-backbones: --part is one of {', '.join(RECIPES)}, not {config.part!r}")
     check_numbers(config, "steps", "batch_size", "images", "learning_rate", "layers")
