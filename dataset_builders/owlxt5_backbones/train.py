@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """`owlxt5-backbones`: make the small detector or the small language model from nothing but this package."""
 
+import json
 import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from transformers import AutoTokenizer, PreTrainedModel, Trainer, TrainingArguments
@@ -33,6 +34,7 @@ from .muon import check_optimizer, muon_options
 from .understanding_caution import find_understanding_threshold, find_wish_words
 
 _VALIDATION_IMAGES = 480
+_RECIPE = "recipe.json"  # in the output folder: what is made there
 # Patches to look at, of 256.
 _PATCHES = 96
 
@@ -85,6 +87,18 @@ class BackbonesConfig:
             self.batch_size or usual.batch_size,
             self.learning_rate or usual.learning_rate,
         )
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What tells this command from others, as JSON has it."""
+        return {
+            "part": self.part,
+            **self.recipe._asdict(),
+            "images": self.images,
+            "seed": self.seed,
+            "start_from": None if self.start_from is None else str(self.start_from),
+            "layers": self.layers,
+        }
 
     @property
     def model_dir(self) -> Path:
@@ -146,6 +160,35 @@ def _train(trainer: Trainer) -> list[float]:
     """Train, from the last checkpoint on if there is one; the losses that were logged."""
     trainer.train(resume_from_checkpoint=_last_checkpoint(trainer.args))
     return [entry["loss"] for entry in trainer.state.log_history if "loss" in entry]
+
+
+def keep_to_recipe(config: BackbonesConfig) -> None:
+    """Write down what is made in the output folder, or compare with what was begun there.
+
+    Of a command that came no farther than its images, only these have to be the same.
+
+    Raises:
+        ValueError: If another command's checkpoints or images are there.
+    """
+    folder, file, now = config.output_dir, config.output_dir / _RECIPE, config.settings
+    trained = any((folder / "checkpoints").glob("checkpoint-*"))
+    rendered = any((folder / "images").glob("*.parquet"))
+    begun = json.loads(file.read_text(encoding="utf-8")) if file.exists() else None
+    if begun is None and trained:
+        raise ValueError(
+            f"{folder} has checkpoints and no {_RECIPE}, which tells of what: choose another --output_dir"
+        )
+    kept = [*now] if trained else ["images", "seed"] if rendered else []
+    if begun and (differing := [key for key in kept if begun.get(key) != now[key]]):
+        raise ValueError(
+            f"{folder} holds what another command began: "
+            + ", ".join(f"{key} was {begun.get(key)}, is now {now[key]}" for key in differing)
+            + "; give the same command to go on, or choose another --output_dir"
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    draft = file.with_suffix(".draft")
+    draft.write_text(json.dumps(now, indent=2), encoding="utf-8")
+    draft.rename(file)
 
 
 def train_detector(config: BackbonesConfig, sizes: DetectorSizes) -> tuple[PreTrainedModel, list[float]]:
@@ -217,6 +260,7 @@ def main(config: BackbonesConfig) -> None:
         )
     # Reads the card of the model to start from: better missing now than after hours.
     command = config.command
+    keep_to_recipe(config)
     if config.part == "detector":
         model, _ = train_detector(config, DetectorSizes())
     else:
