@@ -274,6 +274,7 @@ def main(config: BackbonesConfig) -> None:
             config.part,
             config.seed,
             config.recipe.steps * config.recipe.batch_size,
+            went_on=config.start_from is not None,
             **facts,
         )
     print(f"{table}\n\nThe {config.part.replace('_', ' ')}: {config.model_dir}")
