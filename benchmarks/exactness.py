@@ -7,7 +7,6 @@ Needs the release's folder in OWLXT5_CLANT_DIR. Exit status 1 if any episode dif
 """
 
 import json
-import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
+from release import release_folder
 
 from clant_claeo.demonstrations import Demonstration, from_release
 from clant_claeo.release import read_release
@@ -68,13 +68,13 @@ def _differences(
     return [name for name, equal in checks.items() if not equal]
 
 
-@command("exactness")
+@command("exactness", OSError, ValueError)
 def main(config: ExactnessConfig) -> None:
     """Compare and report."""
     root = config.dataset_root
     due = {
         (demonstration.task, demonstration.arrangement): demonstration
-        for demonstration in from_release(read_release(os.environ["OWLXT5_CLANT_DIR"]), config.objects)
+        for demonstration in from_release(read_release(release_folder()), config.objects)
     }
     info = json.loads((root / "meta/info.json").read_text(encoding="utf-8"))
     splits = {name: range(*map(int, span.split(":"))) for name, span in info["splits"].items()}

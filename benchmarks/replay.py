@@ -5,12 +5,12 @@ Needs the release's folder in OWLXT5_CLANT_DIR. Prints the outcomes of all repla
 far the object moved, in centimetres, and how many degrees off the intended direction.
 """
 
-import os
 import time
 from collections import Counter, defaultdict
 from dataclasses import dataclass
 
 import numpy as np
+from release import release_folder
 from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
@@ -35,10 +35,10 @@ class ReplayConfig:
     objects: str = "clant"
 
 
-@command("replay")
+@command("replay", OSError, ValueError)
 def main(config: ReplayConfig) -> None:
     """Replay, judge and report."""
-    release = read_release(os.environ["OWLXT5_CLANT_DIR"])
+    release = read_release(release_folder())
     simulation = TabletopSimulation(read_objects(config.objects))
     outcomes: dict[str, Counter[Outcome]] = defaultdict(Counter)
     motions: dict[str, list[tuple[float, float]]] = defaultdict(list)

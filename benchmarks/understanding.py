@@ -16,12 +16,12 @@ from dataclasses import dataclass, fields
 from itertools import cycle
 from pathlib import Path
 
-import draccus
 from rich.console import Console
 from rich.table import Table
 
 from lerobot_owlxt5.backbones.pretrained import EMBEDDED
 from lerobot_owlxt5.backbones.understanding import NOT_UNDERSTOOD, Understanding
+from lerobot_owlxt5.command_line import command
 from lerobot_owlxt5.commands.answer import (
     Action,
     Answer,
@@ -157,15 +157,15 @@ def _table(title: str, counts: dict[str, Counter[str]], rated: tuple[str, ...] =
     return table
 
 
-@draccus.wrap()
+@command("understanding", OSError, ValueError)
 def main(config: UnderstandingConfig) -> None:
     """Understand all sentences and print the tables."""
+    chosen = protocol_sentences(config.objects) if config.objects else read_sentences(config.sentences)
     understand = Understanding(config.understanding)
     understand("push the ball")  # what is done once
     kinds: dict[str, Counter[str]] = {}
     groups = {f"{group}, {language}": Counter[str]() for group in GROUPS for language in ("all", "en", "de")}
     seconds, console = [], Console(width=140)
-    chosen = protocol_sentences(config.objects) if config.objects else read_sentences(config.sentences)
     for sentence in chosen:
         began = time.perf_counter()
         understood = understand(sentence.text)

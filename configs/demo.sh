@@ -22,19 +22,25 @@ export OMP_NUM_THREADS=1 HF_HUB_OFFLINE=1
 bars='[A-Z][a-z ]+[0-9a-z ]*: +[0-9]+%.*(step|it|s|episode)/(step|it|s|episode)'
 
 # Runs a command with its output in a log; shows a heading, the last progress bar meanwhile, the end on failure.
+# Ctrl-C does not reach what runs in the background. So the command is a process group, which a trap ends. Bash runs
+# that, too, when a signal ends the script.
 step() {
     local title=$1 log=$out/$2.log
     shift 2
     printf '\n== %s\n' "$title"
     printf '   %s\n' "$*"
+    set -m
     "$@" <&0 >"$log" 2>&1 &
+    set +m
     local job=$! bar
+    trap "kill -- -$job" EXIT
     while kill -0 $job 2>/dev/null; do
         sleep 2
         bar=$(tail -c 2000 "$log" | tr '\r' '\n' | grep -aoE "$bars" | tail -n 1) || continue
         printf '\r   %-80.80s' "$bar"
     done
     printf '\r   %-80s\n' "done after $((SECONDS / 60)) min $((SECONDS % 60)) s in all"
+    trap - EXIT
     wait $job || {
         tail -n 20 "$log" >&2
         printf 'demo failed at "%s"; its whole output is in %s\n' "$title" "$log" >&2

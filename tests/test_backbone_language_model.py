@@ -121,9 +121,14 @@ def test_a_miniature_model_learns_and_gets_a_card(tmp_path: Path, monkeypatch: p
     facts = {"command": config.command, "size": "a few"}
     table = card.write_language_model_card(config.model_dir, "language_model", 0, 300 * 16, **facts)
     assert "| translate, invented name |" in table
+    assert "none of which was in training." in table
     written = (tmp_path / "model" / "README.md").read_text(encoding="utf-8")
     assert table in written
     assert "--part=language_model --steps=300 --batch_size=16 --learning_rate=0.01" in written
+    more = card.write_language_model_card(
+        config.model_dir, "language_model", 0, 300 * 16, went_on=True, **facts
+    )
+    assert "none of which was in the last command's training." in more
 
 
 def test_more_layers_change_nothing_at_first(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ import ast
 import shlex
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,6 +18,7 @@ from clant_claeo.cli import _check as check
 from lerobot_owlxt5.backbones.small_t5 import main as small_t5
 from lerobot_owlxt5.command_line import command, quote_texts
 from lerobot_owlxt5.evaluation.cli import EvaluateConfig
+from owlxt5_backbones.train import BackbonesConfig, keep_to_recipe
 from owlxt5_backbones.train import main as backbones
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -200,6 +201,43 @@ def test_so_do_the_other_commands(
         main()
     assert message in str(stopped.value)
     assert not list(tmp_path.iterdir())
+
+
+def test_what_training_needs_is_missed_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("owlxt5_backbones.muon.find_spec", lambda name: None)
+    monkeypatch.setattr(sys, "argv", ["command", "--part=detector", "--output_dir=7"])
+    with pytest.raises(SystemExit, match="owlxt5-backbones: making backbones needs timm: pip install"):
+        backbones()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_of_backbones_keeps_to_its_recipe(tmp_path: Path) -> None:
+    config = BackbonesConfig("detector", tmp_path / "detector", steps=7)
+    keep_to_recipe(replace(config, seed=3))  # made nothing
+    keep_to_recipe(config)
+    (config.output_dir / "images").mkdir()
+    (config.output_dir / "images" / "00000.parquet").touch()
+    for change, message in (({"seed": 1}, "seed was 0, is now 1"), ({"images": 48}, "images was 30000")):
+        with pytest.raises(ValueError, match=message):
+            keep_to_recipe(replace(config, **change))
+    keep_to_recipe(replace(config, steps=8))  # the same images
+    (config.output_dir / "checkpoints" / "checkpoint-5").mkdir(parents=True)
+    keep_to_recipe(replace(config, steps=8))
+    with pytest.raises(ValueError, match="steps was 8, is now 7; give the same command to go on"):
+        keep_to_recipe(config)
+
+
+def test_checkpoints_of_an_unknown_command_are_not_gone_on_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["command", "--part=understanding", "--output_dir=7"])
+    checkpoint = Path("7/checkpoints/checkpoint-500")
+    checkpoint.mkdir(parents=True)
+    with pytest.raises(SystemExit, match=r"owlxt5-backbones: 7 has checkpoints and no recipe\.json"):
+        backbones()
+    assert [*Path("7").iterdir()] == [checkpoint.parent]
 
 
 # The locale -------------------------------------------------------------------------------------------------

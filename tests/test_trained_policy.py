@@ -8,13 +8,17 @@ from typing import Any
 
 import pytest
 import torch
-from safetensors.torch import load_file
+import yaml
+from safetensors.torch import load_file, save_file
 
 from commands import run
+from lerobot_owlxt5.configuration_owlxt5 import OWLxT5Config
 from lerobot_owlxt5.modeling_owlxt5 import OWLxT5Policy
 from lerobot_owlxt5.trained import FOLDER, find_policy
+from owlxt5_policy.card import write_card
 from owlxt5_policy.ship import ship
 
+ROOT = Path(__file__).parents[1]
 WEIGHTS = "model.safetensors"
 FILES = {
     "README.md",
@@ -94,6 +98,39 @@ def test_the_releases_movements_do_not_ship(checkpoint: Path) -> None:
     build.write_text(json.dumps({"release": True, "command": "owlxt5-dataset"}))
     with pytest.raises(ValueError, match="state no licence"):
         ship(checkpoint, [], checkpoint / "shipped")
+
+
+def test_what_ships_stays_until_all_is_written(checkpoint: Path) -> None:
+    build = checkpoint / "data" / "meta" / "build.json"
+    build.parent.mkdir(parents=True)
+    build.write_text(json.dumps({"release": False, "command": "owlxt5-dataset"}))
+    save_file({"model.weight": torch.ones(2)}, checkpoint / WEIGHTS)
+    for name in ("policy_preprocessor.json", "policy_postprocessor.json"):
+        (checkpoint / name).write_text(json.dumps({"steps": []}))
+    before = {path.name for path in checkpoint.iterdir()}
+    old = checkpoint / "shipped" / "old.json"
+    old.parent.mkdir()
+    old.touch()
+    with pytest.raises(FileNotFoundError):
+        ship(checkpoint, [checkpoint / "nowhere.json"], old.parent)
+    assert [*old.parent.iterdir()] == [old]
+    assert {path.name for path in checkpoint.iterdir()} == before | {"shipped"}
+
+
+def test_a_training_without_a_scheduler_gets_a_card(tmp_path: Path) -> None:
+    recipe = yaml.safe_load((ROOT / "configs" / "small.yaml").read_text("utf-8"))
+    training = recipe | {
+        "dataset": recipe["dataset"] | {"episodes": None},
+        "policy": vars(OWLxT5Config(device="cpu")) | recipe["policy"],
+        "use_policy_training_preset": True,
+        "scheduler": None,
+        "steps": 4,
+    }
+    (tmp_path / WEIGHTS).touch()
+    write_card(tmp_path, training, "owlxt5-dataset", [])
+    card = (tmp_path / "README.md").read_text("utf-8")
+    assert "--use_policy_training_preset=true" in card
+    assert "--scheduler" not in card
 
 
 @pytest.mark.slow

@@ -85,27 +85,31 @@ def write_detector_card(folder: Path, seed: int, **facts: object) -> str:
     return _write(folder, table, name="detector", what=_DETECTOR, **facts)
 
 
-def write_language_model_card(folder: Path, part: str, seed: int, trained: int, **facts: object) -> str:
+def write_language_model_card(
+    folder: Path, part: str, seed: int, trained: int, *, went_on: bool = False, **facts: object
+) -> str:
     """Evaluate a T5 and write the card into its folder.
 
     Args:
         folder: Of the T5.
         part: `language_model` or `understanding`.
         seed: Of its training.
-        trained: How many examples it was trained on.
+        trained: How many examples the command trained it on.
+        went_on: Whether the command went on with another model, whose examples are not known here.
         **facts: `command` and `size` for the card.
 
     Returns:
         The table of results.
     """
     results = evaluate_language_model(str(folder), _EXAMPLES, part, trained=trained, training_seed=seed)
+    training = "the last command's training" if went_on else "training"
     table = "\n".join(
         [
             "| examples | exact match |",
             "|---|---|",
             *(f"| {metrics.kind} | {metrics.exact_match:.1%} |" for metrics in results),
             "",
-            f"{_EXAMPLES} examples of each kind, none of which was in training.",
+            f"{_EXAMPLES} examples of each kind, none of which was in {training}.",
             _NOTES[part],
         ]
     )

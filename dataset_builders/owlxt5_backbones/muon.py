@@ -9,13 +9,22 @@ import torch
 from torch import nn
 from transformers import TrainingArguments
 
-if find_spec("timm") is None:  # now, not after an hour of rendering
-    raise ModuleNotFoundError("making backbones needs timm: pip install 'lerobot_policy_owlxt5[backbones]'")
-
 # AdamW's learning rate as a share of Muon's.
 _ADAMW_SHARE = 0.4
 # Where transformers' OWLv2 and T5 keep their layers.
 _LAYERS = (".layers.", ".block.")
+
+
+def check_optimizer() -> None:
+    """Check that Muon is there: better missing now than after an hour of rendering.
+
+    Raises:
+        ModuleNotFoundError: If the extra `backbones` (timm) is not installed.
+    """
+    if find_spec("timm") is None:
+        raise ModuleNotFoundError(
+            "making backbones needs timm: pip install 'lerobot_policy_owlxt5[backbones]'"
+        )
 
 
 def muon_options(model: nn.Module, args: TrainingArguments) -> tuple[type, dict[str, Any]]:

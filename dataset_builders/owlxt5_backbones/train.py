@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """`owlxt5-backbones`: make the small detector or the small language model from nothing but this package."""
 
+import json
 import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from transformers import AutoTokenizer, PreTrainedModel, Trainer, TrainingArguments
@@ -29,10 +30,11 @@ from .language_model import (
     make_language_model,
     shipped_sizes,
 )
-from .muon import muon_options
+from .muon import check_optimizer, muon_options
 from .understanding_caution import find_understanding_threshold, find_wish_words
 
 _VALIDATION_IMAGES = 480
+_RECIPE = "recipe.json"  # in the output folder: what is made there
 # Patches to look at, of 256.
 _PATCHES = 96
 
@@ -85,6 +87,18 @@ class BackbonesConfig:
             self.batch_size or usual.batch_size,
             self.learning_rate or usual.learning_rate,
         )
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What tells this command from others, as JSON has it."""
+        return {
+            "part": self.part,
+            **self.recipe._asdict(),
+            "images": self.images,
+            "seed": self.seed,
+            "start_from": None if self.start_from is None else str(self.start_from),
+            "layers": self.layers,
+        }
 
     @property
     def model_dir(self) -> Path:
@@ -148,6 +162,35 @@ def _train(trainer: Trainer) -> list[float]:
     return [entry["loss"] for entry in trainer.state.log_history if "loss" in entry]
 
 
+def keep_to_recipe(config: BackbonesConfig) -> None:
+    """Write down what is made in the output folder, or compare with what was begun there.
+
+    Of a command that came no farther than its images, only these have to be the same.
+
+    Raises:
+        ValueError: If another command's checkpoints or images are there.
+    """
+    folder, file, now = config.output_dir, config.output_dir / _RECIPE, config.settings
+    trained = any((folder / "checkpoints").glob("checkpoint-*"))
+    rendered = any((folder / "images").glob("*.parquet"))
+    begun = json.loads(file.read_text(encoding="utf-8")) if file.exists() else None
+    if begun is None and trained:
+        raise ValueError(
+            f"{folder} has checkpoints and no {_RECIPE}, which tells of what: choose another --output_dir"
+        )
+    kept = [*now] if trained else ["images", "seed"] if rendered else []
+    if begun and (differing := [key for key in kept if begun.get(key) != now[key]]):
+        raise ValueError(
+            f"{folder} holds what another command began: "
+            + ", ".join(f"{key} was {begun.get(key)}, is now {now[key]}" for key in differing)
+            + "; give the same command to go on, or choose another --output_dir"
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    draft = file.with_suffix(".draft")
+    draft.write_text(json.dumps(now, indent=2), encoding="utf-8")
+    draft.rename(file)
+
+
 def train_detector(config: BackbonesConfig, sizes: DetectorSizes) -> tuple[PreTrainedModel, list[float]]:
     """Render images and train on them; the detector and the course of its loss."""
     folder, workers = config.output_dir, usable_cores()
@@ -204,9 +247,10 @@ def train_language_model(
     return model, losses
 
 
-@command("owlxt5-backbones", DrawingError, OSError, ValueError)
+@command("owlxt5-backbones", DrawingError, ModuleNotFoundError, OSError, ValueError)
 def main(config: BackbonesConfig) -> None:
     """Make the data, train, evaluate, and say where the result is."""
+    check_optimizer()
     if config.part not in RECIPES:
         sys.exit(f"owlxt5-backbones: --part is one of {', '.join(RECIPES)}, not {config.part!r}")
     check_numbers(config, "steps", "batch_size", "images", "learning_rate", "layers")
@@ -216,6 +260,7 @@ def main(config: BackbonesConfig) -> None:
         )
     # Reads the card of the model to start from: better missing now than after hours.
     command = config.command
+    keep_to_recipe(config)
     if config.part == "detector":
         model, _ = train_detector(config, DetectorSizes())
     else:
@@ -229,6 +274,7 @@ def main(config: BackbonesConfig) -> None:
             config.part,
             config.seed,
             config.recipe.steps * config.recipe.batch_size,
+            went_on=config.start_from is not None,
             **facts,
         )
     print(f"{table}\n\nThe {config.part.replace('_', ' ')}: {config.model_dir}")

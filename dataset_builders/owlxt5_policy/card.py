@@ -105,11 +105,14 @@ def _changes(training: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     recipe = yaml.safe_load((_REPOSITORY / _RECIPE).read_text(encoding="utf-8"))
     yield "steps", training["steps"]
     for key, value in _leaves(recipe):
-        used: Any = training
-        for part in key.split("."):
-            used = used[part]
-        if used != value and key not in ("dataset.repo_id", "policy.device", "policy.push_to_hub"):
-            yield key, used
+        *parents, name = key.split(".")
+        part: Any = training
+        for parent in parents:
+            part = part[parent]
+        if part is None:  # the policy's own presets have no scheduler
+            continue
+        if part[name] != value and key not in ("dataset.repo_id", "policy.device", "policy.push_to_hub"):
+            yield key, part[name]
     everybodys = {field.name for field in fields(PreTrainedConfig)}
     defaults = OWLxT5Config(device="cpu")
     for field in fields(OWLxT5Config):

@@ -11,6 +11,7 @@ import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import torch
@@ -40,7 +41,7 @@ _NOBODYS = {
 
 
 def ship(checkpoint: Path, eval_infos: Sequence[Path], folder: Path = FOLDER) -> None:
-    """Copy a checkpoint, and write its card. What lay there before is replaced.
+    """Copy a checkpoint, and write its card. What lay there before is replaced once all is written.
 
     Args:
         checkpoint: Folder `pretrained_model` of lerobot-train; the folder of its dataset must be there, too.
@@ -56,19 +57,23 @@ def ship(checkpoint: Path, eval_infos: Sequence[Path], folder: Path = FOLDER) ->
     build = _read_build(Path(training["dataset"]["root"] or ""))
     weights = _half(load_file(checkpoint / _WEIGHTS))
     processors = {name: _read(checkpoint / name) for name in _PROCESSORS}
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    save_file(weights, folder / _WEIGHTS, metadata={"format": "pt"})
-    (folder / _WEIGHTS).chmod(0o644)  # safetensors leaves it to its owner alone
-    _write(folder / _CONFIG, config | _NOBODYS)
-    for name, processor in processors.items():
-        for step in processor["steps"]:
-            if step["registry_name"] == "device_processor":
-                step["config"]["device"] = _DEVICE
-            if state := step.get("state_file"):
-                shutil.copyfile(checkpoint / state, folder / state)
-        _write(folder / name, processor)
-    write_card(folder, training, build["command"], eval_infos)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=folder.parent) as beside:
+        draft = Path(beside) / folder.name
+        draft.mkdir()
+        save_file(weights, draft / _WEIGHTS, metadata={"format": "pt"})
+        (draft / _WEIGHTS).chmod(0o644)  # safetensors leaves it to its owner alone
+        _write(draft / _CONFIG, config | _NOBODYS)
+        for name, processor in processors.items():
+            for step in processor["steps"]:
+                if step["registry_name"] == "device_processor":
+                    step["config"]["device"] = _DEVICE
+                if state := step.get("state_file"):
+                    shutil.copyfile(checkpoint / state, draft / state)
+            _write(draft / name, processor)
+        write_card(draft, training, build["command"], eval_infos)
+        shutil.rmtree(folder, ignore_errors=True)
+        draft.rename(folder)
 
 
 def _check_backbones(config: dict[str, Any]) -> None:
