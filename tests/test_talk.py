@@ -17,6 +17,7 @@ import torch
 from PIL import Image
 
 from lerobot_owlxt5.backbones.appearance import Appearance
+from lerobot_owlxt5.backbones.taught import TaughtThings
 from lerobot_owlxt5.object_point import ObjectPoint
 from lerobot_owlxt5.trained import find_policy
 from nico_tabletop.nico_sim import NicoSim
@@ -361,12 +362,15 @@ def test_who_comes_later_knows_what_others_have_taught(
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["owlxt5-talk"])
     make = policy_maker(tmp_path / "things")
-    (one, _), look = make(), Appearance(torch.ones(4), torch.ones(3))
-    for policy in (one, make()[0]):
-        assert isinstance(policy.visual, ObjectPoint) and policy.visual.detector.taught is not None
-        if policy is one:
-            policy.visual.detector.taught.add("trophy", look)
-        assert [*policy.visual.detector.taught] == ["trophy"]
+
+    def taught() -> TaughtThings:
+        visual = make()[0].visual
+        assert isinstance(visual, ObjectPoint) and visual.detector.taught is not None
+        return visual.detector.taught
+
+    early = taught()
+    early.add("trophy", Appearance(torch.ones(4), torch.ones(3)))
+    assert [*early] == [*taught()] == ["trophy"]
 
 
 @pytest.mark.parametrize(

@@ -162,7 +162,7 @@ def _results(evaluations: Sequence[Evaluation]) -> str:
             *by_action,
             "",
             "The results are those of the evaluations that `python -m owlxt5_policy.ship` was given.",
-            "`docs/evaluation.md` of the repository says what counts as perfect and as successful.",
+            "`docs/world.md` of the repository says what counts as perfect and as successful.",
         ]
     )
 
