@@ -218,7 +218,7 @@ class _Display:
 
     def __init__(self, plan: Plan, console: Console) -> None:
         self._plan, self._console = plan, console
-        self._done = {}
+        self._done: dict[str, float] = {}
         for step in plan.steps:
             record = read_record(plan, step)
             if record and is_whole(plan, step) and {*step.inputs} <= {*self._done}:
