@@ -12,9 +12,9 @@ from lerobot_owlxt5.commands.answer import Request, left_over, said_words
 
 from .understanding_lessons import draw_understood
 
-_LESSONS = 500
+_LESSONS = 1000
 _ASKED_BACK = 0.015
-_WISHES, _SEEN = 60_000, 3
+_WISHES, _SEEN = 120_000, 3
 
 
 def find_understanding_threshold(name: str, seed: int) -> float:

@@ -73,7 +73,7 @@ _TWO_WORDS = (
     ),
 )
 _SHARE_INVENTED, _SHARE_COLOURED, _SHARE_QUALITY, _SHARE_MARKED = 0.25, 0.3, 0.1, 0.4
-_SHARE_USUAL = 0.35
+_SHARE_USUAL, _SHARE_SIDE_ALONE = 0.45, 0.04
 
 # fmt: off
 _ONSETS = (
@@ -150,6 +150,10 @@ def draw_thing(rng: np.random.Generator, *, plain: bool = False, related: bool =
             else ("it", "it", "that one", "the same one", "that", "this one", "that thing", "the same thing"),
         )
         return _english(Target(reference="other" if other else "it"), said)
+    if not plain and not related and rng.random() < _SHARE_SIDE_ALONE:
+        side, before = choice(rng, SIDES), rng.random() < 0.7
+        where = words(f"{side} {'before' if before else 'behind'}", "en")[0]
+        return _english(Target(side=side), f"the {where} one" if before else f"the one {where}")
     name = draw_noun(rng).english
     if rng.random() < _SHARE_QUALITY:
         name = f"{choice(rng, words('quality', 'en'))} {name}"
