@@ -114,6 +114,11 @@ def test_a_finished_episode_is_seen_as_in_training(
     policy, preprocessor = make(dataset, t5, autoencoder)
     visual, tasks = policy.eval().visual, ["-"] * len(FRAMES)
     batch = load_batch(dataset.root, FRAMES, preprocessor)
+    visual.encode_cached(batch, tasks, EpisodeStore(dataset.meta))
+    assert (visual.lowest == -1).all(), "a look at other data must not change what a policy sees"
+    policy.train()
+    visual.encode_cached(batch, tasks, EpisodeStore(dataset.meta))
+    policy.eval()
     cached = visual.encode_cached(batch, tasks, EpisodeStore(dataset.meta))
     assert cached.features.shape == (4, HORIZON, 30)
     assert cached.object_found.all()

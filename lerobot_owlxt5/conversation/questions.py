@@ -118,7 +118,9 @@ def read_question(kind: str, sentence: str) -> Question:
         return Question("ability")
     memory = (Question(name) for name, pattern in _MEMORY if re.search(pattern, text))
     robot = kind == "robot"
-    for name, pattern in () if robot and not _OF_A_THING.match(text) else _SCENE:
+    for name, pattern in _SCENE:
+        if robot and name != "side" and not _OF_A_THING.match(text):
+            continue  # "what is nearest to you" is about no robot, whoever takes it for that
         if found := re.fullmatch(pattern, text):
             groups = {"detail": "", "other": ""} | found.groupdict()
             if name == "side":
