@@ -19,7 +19,7 @@ from commands import ENVIRONMENT
 
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 CHROMIUM = next(filter(None, map(shutil.which, BROWSERS)), None)
-LONGEST = 30  # seconds for all that is done in the browser, which takes 15
+LONGEST = 300  # seconds for all that is done in the browser, which takes 15
 NO_NETWORK = "MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"
 DEAD_PROXY = {
     f"{kind}_proxy": "http://127.0.0.1:9" for kind in ("http", "https", "all", "HTTP", "HTTPS", "ALL")
