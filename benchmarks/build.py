@@ -93,7 +93,7 @@ def _build(root: Path, arrangements: int, workers: int) -> tuple[float, float, i
     return wall, cpu, frames
 
 
-@command("build", OSError, ValueError)
+@command("build")
 def main(config: BuildSpeedConfig) -> None:
     """Measure and print."""
     console = Console()

@@ -80,7 +80,7 @@ def _fit(simulation: TabletopSimulation, seed: int) -> dict[str, Array]:
     }
 
 
-@command("ceiling", OSError, ValueError)
+@command("ceiling")
 def main(config: CeilingConfig) -> None:
     """Fit, act, count."""
     coefficients = _fit(TabletopSimulation(read_objects("clant")), config.seed)

@@ -134,7 +134,7 @@ def view(copy: Path, folder: Path) -> str:
     return f"opened, a recording of {recording.stat().st_size // 1024} KiB"
 
 
-@command("checks", OSError, ValueError)
+@command("checks")
 def main(config: ChecksConfig) -> None:
     """Check every dataset."""
     new = 0

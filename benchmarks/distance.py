@@ -73,7 +73,7 @@ def _shares(trials: NDArray[np.float64], reward: float) -> Iterator[tuple[float,
         yield right / rewards.size, *wilson(right, rewards.size), rewards.size
 
 
-@command("distance", OSError, ValueError)
+@command("distance")
 def main(config: DistanceConfig) -> None:
     """Read, count and draw."""
     figure, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")

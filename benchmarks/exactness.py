@@ -68,7 +68,7 @@ def _differences(
     return [name for name, equal in checks.items() if not equal]
 
 
-@command("exactness", OSError, ValueError)
+@command("exactness")
 def main(config: ExactnessConfig) -> None:
     """Compare and report."""
     root = config.dataset_root

@@ -51,7 +51,7 @@ def attempt(simulation: TabletopSimulation, action: Action, names: tuple[str, ..
     return replay(simulation, action, joints)
 
 
-@command("expert", OSError, ValueError)
+@command("expert")
 def main(config: ExpertConfig) -> None:
     """Draw, plan, act, judge and report."""
     simulation = TabletopSimulation(read_objects(config.objects))

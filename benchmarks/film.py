@@ -99,7 +99,7 @@ def _panel(shot: Shot, frame: int, *, ended: bool) -> Image.Image:
     return panel
 
 
-@command("film", OSError, ValueError)
+@command("film")
 def main(config: FilmConfig) -> None:
     """Roll out, draw, and say what happened."""
     trained = PreTrainedConfig.from_pretrained(config.checkpoint, cli_overrides=config.policy_options)

@@ -54,7 +54,7 @@ def _evaluate(checkpoint: Path, dataset: Path, episodes: list[int], output: Path
     return rows
 
 
-@command("learning", OSError, ValueError)
+@command("learning")
 def main(config: LearningConfig) -> None:
     """Evaluate and draw."""
     meta = LeRobotDatasetMetadata("local/clant", root=config.dataset_root)

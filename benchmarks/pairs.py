@@ -299,7 +299,7 @@ def _show(folder: Path, image: Path | None) -> None:
         figure.savefig(image, dpi=80)
 
 
-@command("pairs", OSError, ValueError)
+@command("pairs")
 def main(config: PairsConfig) -> None:
     """Train one policy, or compare or show."""
     if config.table:

@@ -96,7 +96,7 @@ def _lstm_operations(module: torch.nn.LSTM, inputs: tuple[Tensor, ...], count: l
     count[0] += 2 * weights * rows
 
 
-@command("policy", OSError, ValueError)
+@command("policy")
 def main(config: PolicySpeedConfig) -> None:
     """Measure and print."""
     root, device = config.dataset_root, config.device

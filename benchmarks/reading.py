@@ -79,7 +79,7 @@ def _seconds_per_step(root: Path, t5: Path, folder: Path, options: list[str]) ->
     return data, update
 
 
-@command("reading", OSError, ValueError)
+@command("reading")
 def main(config: ReadingConfig) -> None:
     """Measure and print."""
     table = Table(title="Reading for owlxt5: batch 64, two workers")

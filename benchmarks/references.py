@@ -84,7 +84,7 @@ def _which(box: Tensor | None, truth: Tensor) -> int | None:
     return int(overlap.argmax()) if overlap.max() >= OVERLAP else -1
 
 
-@command("references", OSError, ValueError)
+@command("references")
 def main(config: ReferencesConfig) -> None:
     """Ask and print the table."""
     detector = ZeroShotDetector(config.detector, None, None, CAMERA)

@@ -35,7 +35,7 @@ class ReplayConfig:
     objects: str = "clant"
 
 
-@command("replay", OSError, ValueError)
+@command("replay")
 def main(config: ReplayConfig) -> None:
     """Replay, judge and report."""
     release = read_release(release_folder())

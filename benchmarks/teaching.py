@@ -118,7 +118,7 @@ def by_name(eyes: Eyes, tries: int, random: np.random.Generator) -> list[bool]:
     return found
 
 
-@command("teaching", OSError, ValueError)
+@command("teaching")
 def main(config: TeachingConfig) -> None:
     """Teach, ask, and print the table."""
     check_numbers(config, "tries")

@@ -157,7 +157,7 @@ def _table(title: str, counts: dict[str, Counter[str]], rated: tuple[str, ...] =
     return table
 
 
-@command("understanding", OSError, ValueError)
+@command("understanding")
 def main(config: UnderstandingConfig) -> None:
     """Understand all sentences and print the tables."""
     chosen = protocol_sentences(config.objects) if config.objects else read_sentences(config.sentences)

@@ -189,7 +189,7 @@ def _all_said(config: WordingsConfig) -> Iterator[Said]:
                 yield said
 
 
-@command("wordings", OSError, ValueError)
+@command("wordings")
 def main(config: WordingsConfig) -> None:
     """Say all sentences and print the tables."""
     world, counts = World(config), Counter[tuple[str, str]]()

@@ -34,8 +34,9 @@ def command(name: str, *errors: type[Exception]) -> Callable[[Callable[[Any], No
 
     Args:
         name: What its messages begin with.
-        *errors: What else ends in one line, and exit status 1: errors that a user can mend.
+        *errors: What ends in one line and exit status 1, beside OSError and ValueError: what a user can mend.
     """
+    mendable: tuple[type[Exception], ...] = (OSError, ValueError, *errors)
 
     def decorate(function: Callable[[Any], None]) -> Callable[[], None]:
         [config_class] = (kind for key, kind in get_type_hints(function).items() if key != "return")
@@ -50,7 +51,7 @@ def command(name: str, *errors: type[Exception]) -> Callable[[Callable[[Any], No
                 sys.exit(f"{name}: {explain(error)}")
             try:
                 function(config)
-            except errors as error:
+            except mendable as error:
                 sys.exit(f"{name}: {error}")
 
         return run

@@ -22,7 +22,7 @@ class ReproduceConfig:
     size: str = "quick"
 
 
-@command("reproduce", RunError, ValueError, OSError)
+@command("reproduce", RunError)
 def main(config: ReproduceConfig) -> None:
     """Run what is not whole yet, and write the results."""
     import torch  # takes seconds

@@ -37,8 +37,12 @@ class Record:
     machine: str
 
 
+def _folder(plan: Plan) -> Path:
+    return ROOT / plan.folder / "records"
+
+
 def _path(plan: Plan, step: Step) -> Path:
-    return ROOT / plan.folder / "records" / f"{step.name}.json"
+    return _folder(plan) / f"{step.name}.json"
 
 
 def read_record(plan: Plan, step: Step) -> Record | None:
@@ -74,8 +78,7 @@ def is_whole(plan: Plan, step: Step) -> bool:
 
 def any_whole(plan: Plan) -> bool:
     """Whether any step of a size was run to its end, with whatever command."""
-    records = (ROOT / plan.folder / "records").glob("*.json")
-    return any(json.loads(path.read_text(encoding="utf-8"))["whole"] for path in records)
+    return any(json.loads(path.read_text(encoding="utf-8"))["whole"] for path in _folder(plan).glob("*.json"))
 
 
 def versions() -> dict[str, str]:

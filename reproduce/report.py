@@ -291,7 +291,7 @@ def _draw(book: Book, images: Path) -> dict[str, str] | None:
     return drawn
 
 
-@command("reproduce.report", ValueError, OSError)
+@command("reproduce.report")
 def main(config: ReportConfig) -> None:
     """Write the page."""
     write_report(config.size, Console(), ROOT / config.results)

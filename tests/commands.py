@@ -5,6 +5,7 @@ import atexit
 import multiprocessing
 import os
 import runpy
+import signal
 import subprocess
 import sys
 import tempfile
@@ -27,6 +28,11 @@ _FORKS = multiprocessing.get_context("forkserver")
 _FORKS.set_forkserver_preload(
     ["lerobot.scripts.lerobot_train", "lerobot.scripts.lerobot_eval", "lerobot.datasets.aggregate"]
 )
+
+
+def hear_interrupts() -> None:
+    """A `preexec_fn`: a shell lets what it runs in the background ignore Ctrl-C, and all that this starts."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def run(command: str, *arguments: str | Path, **environment: str) -> str:

@@ -26,6 +26,14 @@ def long_movements(policy: OWLxT5Policy) -> OWLxT5Policy:
     return policy
 
 
+def at_home(t5: Path) -> tuple[OWLxT5Policy, dict[str, Any]]:
+    """A policy of long movements, and a robot that is at home and told to push the red cube."""
+    policy, batch = long_movements(make_policy(t5, tasks=["push red"])), observe(["push red"])
+    policy.rest_pose = batch["observation.state"][0].clone()
+    policy.rest_tolerance = torch.full((10,), 0.001)
+    return policy, batch
+
+
 def moved(batch: dict[str, Any], name: str, right: float, down: float) -> dict[str, Any]:
     """The same observation with an object elsewhere; shares of the image."""
     objects = batch["observation.objects"].clone()
@@ -107,10 +115,7 @@ def test_the_arms_go_home_before_they_begin(t5: Path) -> None:
 
 
 def test_a_new_task_in_mid_movement_sends_the_arms_back_as_they_came(t5: Path) -> None:
-    policy = long_movements(make_policy(t5, tasks=["push red"]))
-    batch = observe(["push red"])
-    policy.rest_pose = batch["observation.state"][0].clone()
-    policy.rest_tolerance = torch.full((10,), 0.001)
+    policy, batch = at_home(t5)
     way = [policy.select_action(batch)[0] for _ in range(4)]
     there = batch | {"observation.state": way[-1][None], "task": ["pull ball"]}
     back = [policy.select_action(there)[0]]
@@ -128,10 +133,7 @@ def test_who_is_on_its_way_home_goes_on_with_it_whatever_is_asked(t5: Path) -> N
     """It must not go back to the thing first."""
     ways = []
     for tasks in (["pull ball"], ["pull ball", "push mug"]):
-        policy = long_movements(make_policy(t5, tasks=["push red"]))
-        batch = observe(["push red"])
-        policy.rest_pose = batch["observation.state"][0].clone()
-        policy.rest_tolerance = torch.full((10,), 0.001)
+        policy, batch = at_home(t5)
         way = [policy.select_action(batch)[0] for _ in range(6)]
         for step in range(1000):
             task = tasks[min(step, len(tasks) - 1)]
@@ -148,10 +150,7 @@ def test_who_is_on_its_way_home_goes_on_with_it_whatever_is_asked(t5: Path) -> N
 def test_a_question_in_mid_movement_does_not_make_it_forget_how_the_arms_came(t5: Path) -> None:
     ways = []
     for tasks in (["pull ball"], ["push nothing that is there", "pull ball"]):
-        policy = long_movements(make_policy(t5, tasks=["push red"]))
-        batch = observe(["push red"])
-        policy.rest_pose = batch["observation.state"][0].clone()
-        policy.rest_tolerance = torch.full((10,), 0.001)
+        policy, batch = at_home(t5)
         here, way = [policy.select_action(batch)[0] for _ in range(6)][-1], []
         for task in tasks:
             there = batch | {"observation.state": here[None], "task": [task]}

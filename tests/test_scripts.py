@@ -11,6 +11,8 @@ from pathlib import Path
 import psutil
 import pytest
 
+from commands import hear_interrupts
+
 pytestmark = pytest.mark.slow  # starts bash
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -22,11 +24,6 @@ def copy(script: str, folder: Path) -> Path:
     place.parent.mkdir()
     shutil.copy(ROOT / script, place)
     return place
-
-
-def _hear_interrupts() -> None:
-    """A shell lets what it runs in the background ignore them, and all that this starts."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @pytest.mark.parametrize("piped", [False, True], ids=["a step", "a step that reads a pipe"])
@@ -51,7 +48,7 @@ def test_an_interrupted_demo_leaves_nothing_running(tmp_path: Path, piped: bool)
         stderr=subprocess.DEVNULL,
         env=os.environ | {"PATH": f"{tools}:{os.environ['PATH']}"},
         start_new_session=True,
-        preexec_fn=_hear_interrupts,
+        preexec_fn=hear_interrupts,
     )
     job = tmp_path / "job"
     while not job.exists() or not job.read_text(encoding="utf-8"):

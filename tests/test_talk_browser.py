@@ -15,7 +15,7 @@ from typing import Any
 import psutil
 import pytest
 
-from commands import ENVIRONMENT
+from commands import ENVIRONMENT, hear_interrupts
 
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 CHROMIUM = next(filter(None, map(shutil.which, BROWSERS)), None)
@@ -37,11 +37,6 @@ def free_port() -> int:
         return int(listener.getsockname()[1])
 
 
-def _hear_interrupts() -> None:
-    """A shell lets what it runs in the background ignore them, and all that this starts."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
     """The real command, of which nothing gets out of this computer."""
@@ -55,7 +50,7 @@ def address() -> Iterator[str]:
         stderr=subprocess.STDOUT,
         text=True,
         env=environment,
-        preexec_fn=_hear_interrupts,
+        preexec_fn=hear_interrupts,
     ) as server:
         assert server.stdout is not None
         lines = []

@@ -11,7 +11,6 @@ Everything unfinished stands in `<root>.unfinished`, which is no dataset to LeRo
 import contextlib
 import hashlib
 import io
-import json
 import shutil
 import tempfile
 from collections import Counter
@@ -32,6 +31,7 @@ from lerobot.datasets.io_utils import write_info, write_stats
 from lerobot.datasets.language import EXTENDED_STYLES, PERSISTENT_STYLES, language_feature_info
 from tqdm import tqdm
 
+from builder_tools.recipe import differences, read_recipe, write_recipe
 from builder_tools.workers import Workers, is_disk_full
 from nico_tabletop.objects import TabletopObject
 from nico_tabletop.scoring import Outcome
@@ -123,20 +123,13 @@ def _fingerprint(objects: tuple[TabletopObject, ...]) -> str:
 
 def _check_recipe(unfinished: Path, studio: Studio, recipe: Mapping[str, Any]) -> None:
     """Write down what is being built, or compare with what was begun here, if any of it is worth keeping."""
-    file = unfinished / "recipe.json"
-    if not file.exists() or not any(complete_takes(studio.folder)):
-        draft = file.with_suffix(".draft")
-        draft.write_text(json.dumps(recipe, indent=2), encoding="utf-8")
-        draft.rename(file)
-        return
-    begun = json.loads(file.read_text(encoding="utf-8"))
-    now = json.loads(json.dumps(recipe))
-    keys = dict.fromkeys([*begun, *now])
-    if differing := [key for key in keys if begun.get(key) != now.get(key)]:
+    begun = read_recipe(unfinished)
+    if begun is None or not any(complete_takes(studio.folder)):
+        write_recipe(unfinished, recipe)
+    elif differing := differences(begun, recipe, dict.fromkeys([*begun, *recipe])):
         raise BuildError(
-            f"{unfinished} holds an unfinished build of something else: "
-            + ", ".join(f"{key} was {begun.get(key)}, is now {now.get(key)}" for key in differing)
-            + ". Give the same command to go on, or delete that folder to start afresh."
+            f"{unfinished} holds an unfinished build of something else: {differing}. Give the same command "
+            "to go on, or delete that folder to start afresh."
         )
 
 

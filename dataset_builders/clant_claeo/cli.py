@@ -172,7 +172,7 @@ def _private(config: DatasetConfig) -> bool:
     return config.source != "scripted" if config.private is None else config.private
 
 
-@command("owlxt5-dataset", BuildError, DrawingError, HubError, ModuleNotFoundError, OSError, ValueError)
+@command("owlxt5-dataset", BuildError, DrawingError, HubError, ModuleNotFoundError)
 def _make(config: DatasetConfig) -> None:
     _check(config)
     console = Console()

@@ -95,7 +95,7 @@ def solve_motions() -> dict[str, NDArray[np.generic]]:
     }
 
 
-@command("motion_table", OSError)
+@command("motion_table")
 def main(config: MotionTableConfig) -> None:
     """Solve and write."""
     save_file(solve_motions(), config.output)

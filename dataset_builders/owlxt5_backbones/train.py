@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`owlxt5-backbones`: make the small detector or the small language model from nothing but this package."""
 
-import json
 import shlex
 import sys
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ import torch
 from transformers import AutoTokenizer, PreTrainedModel, Trainer, TrainingArguments
 from transformers.trainer_utils import get_last_checkpoint
 
+from builder_tools.recipe import RECIPE, differences, read_recipe, write_recipe
 from builder_tools.workers import usable_cores
 from lerobot_owlxt5.backbones.small_t5 import SmallT5Config
 from lerobot_owlxt5.command_line import check_numbers, command
@@ -34,7 +34,6 @@ from .muon import check_optimizer, muon_options
 from .understanding_caution import find_understanding_threshold, find_wish_words
 
 _VALIDATION_IMAGES = 480
-_RECIPE = "recipe.json"  # in the output folder: what is made there
 # Patches to look at, of 256.
 _PATCHES = 96
 
@@ -170,25 +169,22 @@ def keep_to_recipe(config: BackbonesConfig) -> None:
     Raises:
         ValueError: If another command's checkpoints or images are there.
     """
-    folder, file, now = config.output_dir, config.output_dir / _RECIPE, config.settings
+    folder, recipe = config.output_dir, config.settings
     trained = any((folder / "checkpoints").glob("checkpoint-*"))
     rendered = any((folder / "images").glob("*.parquet"))
-    begun = json.loads(file.read_text(encoding="utf-8")) if file.exists() else None
+    begun = read_recipe(folder)
     if begun is None and trained:
         raise ValueError(
-            f"{folder} has checkpoints and no {_RECIPE}, which tells of what: choose another --output_dir"
+            f"{folder} has checkpoints and no {RECIPE}, which tells of what: choose another --output_dir"
         )
-    kept = [*now] if trained else ["images", "seed"] if rendered else []
-    if begun and (differing := [key for key in kept if begun.get(key) != now[key]]):
+    kept = [*recipe] if trained else ["images", "seed"] if rendered else []
+    if begun and (differing := differences(begun, recipe, kept)):
         raise ValueError(
-            f"{folder} holds what another command began: "
-            + ", ".join(f"{key} was {begun.get(key)}, is now {now[key]}" for key in differing)
-            + "; give the same command to go on, or choose another --output_dir"
+            f"{folder} holds what another command began: {differing}; give the same command to go on, or "
+            "choose another --output_dir"
         )
     folder.mkdir(parents=True, exist_ok=True)
-    draft = file.with_suffix(".draft")
-    draft.write_text(json.dumps(now, indent=2), encoding="utf-8")
-    draft.rename(file)
+    write_recipe(folder, recipe)
 
 
 def train_detector(config: BackbonesConfig, sizes: DetectorSizes) -> tuple[PreTrainedModel, list[float]]:
@@ -247,7 +243,7 @@ def train_language_model(
     return model, losses
 
 
-@command("owlxt5-backbones", DrawingError, ModuleNotFoundError, OSError, ValueError)
+@command("owlxt5-backbones", DrawingError, ModuleNotFoundError)
 def main(config: BackbonesConfig) -> None:
     """Make the data, train, evaluate, and say where the result is."""
     check_optimizer()

@@ -122,7 +122,7 @@ def collect_texts(dataset_root: Path | None) -> list[str]:
     return texts
 
 
-@command("small_t5", OSError, ValueError)
+@command("small_t5")
 def main(config: SmallT5Config) -> None:
     """Write a small T5 and say what to do with it."""
     if config.dataset_root is not None and not (config.dataset_root / "meta" / "info.json").is_file():

@@ -10,19 +10,17 @@ from huggingface_hub.errors import HFValidationError
 from lerobot.configs import FeatureType, parser
 from lerobot.envs.utils import env_to_policy_features
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
-from lerobot.utils.constants import OBS_IMAGES
 
 import lerobot_policy_owlxt5  # noqa: F401  registers the policies and what their names must pass
 from lerobot_owlxt5 import MotionLibraryConfig, MotionLibraryPolicy
 from lerobot_owlxt5.backbones.taught import TaughtThings
+from lerobot_owlxt5.camera import DEFAULT_CAMERA
 from lerobot_owlxt5.checkpoint import load_checkpoint, read_config
 from lerobot_owlxt5.configuration_owlxt5 import GROUND_TRUTH
 from lerobot_owlxt5.executing_policy import ExecutingPolicy
 from lerobot_owlxt5.object_point import ObjectPoint
 from lerobot_owlxt5.trained import find_policy, is_there
 from nico_tabletop.configuration import ClaeoEnvConfig
-
-_EYES = f"{OBS_IMAGES}.eyes"
 
 Processors = tuple[Any, Any]
 """LeRobot's preprocessor and postprocessor of a policy."""
@@ -84,10 +82,10 @@ def _load(path: Path) -> tuple[ExecutingPolicy, Processors]:
             f"--policy.path={path} sees the simulator's boxes, which this robot has not: add "
             "--policy.detector=embedded"
         )
-    if _EYES not in config.image_features:
+    if DEFAULT_CAMERA not in config.image_features:
         raise ValueError(
             f"--policy.path={path} sees {', '.join(config.image_features) or 'no image'}, and this robot has "
-            f"{_EYES} alone"
+            f"{DEFAULT_CAMERA} alone"
         )
     policy, *processors = load_checkpoint(config)
     return policy, (processors[0], processors[1])
